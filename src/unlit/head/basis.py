@@ -1,0 +1,52 @@
+"""Reduce a pile of overlapping, hand-made shape axes to an orthogonal basis of unit variance.
+
+Each axis is given with the standard deviation of its own coefficient; taken as independent, they
+define a Gaussian over shapes. Its principal components, under an inner product weighted by
+surface area, are the identity basis: orthogonal, and one unit along each is one standard
+deviation. Position, orientation and size are taken out first, since one photo with a given
+focal length fixes them only in the pose.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def vertex_areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """A third of the area of the triangles around each vertex, (V,), in squared model units."""
+    a, b, c = (vertices[triangles[:, corner]].astype(np.float64) for corner in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=-1) / 6
+    return np.bincount(triangles.ravel(), np.repeat(area, 3), minlength=len(vertices))
+
+
+def remove_similarity(axes: np.ndarray, neutral: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Take out of `axes` (J, V, 3) what moves, turns or scales the neutral (V, 3) as a whole.
+
+    weights: (V,) of the least squares fit of the seven motions, at least 0.
+    """
+    centred = neutral - np.average(neutral, axis=0, weights=weights)
+    motions = [np.tile(unit, (len(neutral), 1)) for unit in np.eye(3)]
+    motions += [np.cross(unit, centred) for unit in np.eye(3)]
+    motions.append(centred)
+    motion = np.stack(motions).reshape(7, -1)
+    weight = np.repeat(weights, 3)
+    flat = axes.reshape(len(axes), -1)
+    amounts = np.linalg.solve((motion * weight) @ motion.T, (motion * weight) @ flat.T)
+    return (flat - amounts.T @ motion).reshape(axes.shape)
+
+
+def principal_basis(
+    axes: np.ndarray, deviations: np.ndarray, weights: np.ndarray, keep: float
+) -> np.ndarray:
+    """Principal components (I, V, 3), each of one standard deviation, largest first.
+
+    axes: (J, V, 3).  deviations: (J,), standard deviation of each axis' coefficient.
+    weights: (V,) of the inner product.  keep: part of the variance to keep, in (0, 1].
+    """
+    scaled = (axes * deviations[:, None, None]).reshape(len(axes), -1)
+    root = scaled * np.sqrt(np.repeat(weights, 3))
+    variance, combinations = np.linalg.eigh(root @ root.T)
+    variance, combinations = variance[::-1], combinations[:, ::-1]
+    kept = int(np.searchsorted(np.cumsum(variance) / variance.sum(), keep)) + 1
+    components = combinations[:, :kept].T @ scaled
+    return components.reshape(-1, *axes.shape[1:]).astype(np.float32)

@@ -1,0 +1,288 @@
+"""Fit the head model's pose, identity and expression to dense landmarks.
+
+The landmarker's points lie some 3 % of the eye distance beside the true ones, and neighbours err
+together, so 478 of them are worth only a few independent measurements. The fit therefore trusts
+the contours it can name (lips, eyelids, nose, the face's outline across itself) and gives every
+point a large standard deviation against the identity's unit prior: a tight fit ends with worse
+normals than the mean head. Gauss-Newton with Huber weights; the focal length is given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..errors import FaceError
+from ..perception.topology import (
+    FACE_OVAL,
+    LEFT_EYE,
+    LEFT_LID_GAP,
+    LIP_GAP,
+    LIPS_INNER,
+    LIPS_OUTER,
+    RIGHT_EYE,
+    RIGHT_LID_GAP,
+)
+from ..scene.camera import Camera
+from .eyelids import lids_outside_eyes
+from .lips import opening, seal_lips
+from .model import LANDMARKS, HeadModel
+
+# Midline from the root of the nose to the chin, and the nose's wings and base.
+NOSE_AND_MIDLINE = (168, 6, 197, 195, 5, 4, 1, 19, 94, 2, 164, 18, 200, 199, 175)
+NOSE_AND_MIDLINE += (98, 97, 326, 327, 129, 358, 49, 279, 48, 278, 64, 294)
+_GAPS = (*LIP_GAP, *RIGHT_LID_GAP, *LEFT_LID_GAP)
+# The fit's distances are stated for a crop of this size, pixels.
+_STATED_RESOLUTION = 512
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How far the landmarks are trusted. Distances are pixels of a 512 x 512 crop.
+
+    contour_weight: weight of lips, eyelids, nose and midline points.
+    oval_weight: weight of the face oval across itself; oval_tangential: factor on the residual
+        along it, since the outline slides over the head as it turns.
+    other_weight: weight of all other points.
+    deviation: standard deviation of one landmark coordinate of weight 1.
+    huber: residuals beyond this count linearly.
+    gap_deviation: standard deviation of the distance across the lips and across the eyelids,
+        for each of several pairs of points: what two close points share of their error cancels
+        in it, so that it says how far mouth and eyes are open better than the points do.
+    expression_deviation: scale of the prior that pulls the expression's units to 0.
+    iterations: of Gauss-Newton, after the pose alone has settled.
+    closed: the mouth counts as closed, and is closed, below this opening in mouth widths.
+    """
+
+    contour_weight: float = 1.0
+    oval_weight: float = 0.5
+    oval_tangential: float = 0.05
+    other_weight: float = 0.1
+    deviation: float = 8.0
+    huber: float = 4.0
+    gap_deviation: float = 3.0
+    expression_deviation: float = 0.3
+    iterations: int = 8
+    closed: float = 0.04
+
+
+@dataclass(frozen=True)
+class HeadFit:
+    """A head model placed before a camera.
+
+    rotation (3, 3), translation (3,) cm: world = rotation @ model + translation, float64.
+    identity (I,), in standard deviations; expression (E,), in [0, 1].
+    vertices: (V, 3) float32, world frame (scene/camera.py), cm.
+    landmark_residual: mean distance between landmarks and model, in eye distances.
+    """
+
+    rotation: np.ndarray
+    translation: np.ndarray
+    identity: np.ndarray
+    expression: np.ndarray
+    vertices: np.ndarray
+    landmark_residual: float
+
+
+def fit_head(
+    model: HeadModel,
+    landmarks: np.ndarray,
+    camera: Camera,
+    settings: FitSettings | None = None,
+) -> HeadFit:
+    """Fit `model` to `landmarks` (478, 3): pixels of `camera`'s image, z in pixels, near is small.
+
+    The landmarker's expression scores are not used: started from them or pulled towards them, the
+    fit's normals were no better or worse (docs/head-model-format.md).
+    Raises FaceError when the landmarks are not finite or no head in front of the camera fits.
+    """
+    settings = settings or FitSettings()
+    landmarks = np.asarray(landmarks, dtype=np.float64)
+    if landmarks.shape != (LANDMARKS, 3) or not np.isfinite(landmarks).all():
+        raise FaceError("the face's landmarks are not 478 finite points: use another photo")
+    problem = _Problem(model, landmarks, camera, settings)
+    state = problem.start()
+    for _ in range(settings.iterations):
+        state = problem.step(state, free_shape=False)
+    for _ in range(settings.iterations):
+        state = problem.step(state, free_shape=True)
+    if not (np.isfinite(state.translation).all() and state.translation[2] < -5):
+        raise FaceError("no head fits the landmarks: use a photo that shows more of the face")
+    shape = model.vertices(state.identity, state.expression)
+    shape = lids_outside_eyes(model, shape)
+    if opening(landmarks[:, :2]) < settings.closed:
+        shape = seal_lips(model, shape)
+    vertices = shape @ state.rotation.T + state.translation
+    return HeadFit(
+        rotation=state.rotation,
+        translation=state.translation,
+        identity=state.identity.astype(np.float32),
+        expression=state.expression.astype(np.float32),
+        vertices=vertices.astype(np.float32),
+        landmark_residual=problem.residual(vertices),
+    )
+
+
+@dataclass(frozen=True)
+class _State:
+    rotation: np.ndarray
+    translation: np.ndarray
+    identity: np.ndarray
+    expression: np.ndarray
+
+
+class _Problem:
+    """Residuals of the landmarks the model carries, and one Gauss-Newton step on them."""
+
+    def __init__(
+        self,
+        model: HeadModel,
+        landmarks: np.ndarray,
+        camera: Camera,
+        settings: FitSettings,
+    ) -> None:
+        self.model, self.camera, self.settings = model, camera, settings
+        self.used = np.flatnonzero(model.landmark_triangle >= 0)
+        if len(self.used) < 20:
+            raise FaceError(f"the head model {model.name} carries too few landmarks to be fitted")
+        self.landmarks = landmarks
+        self.goal = landmarks[self.used, :2]
+        self.pixel = camera.height / _STATED_RESOLUTION
+        corners = model.triangles[model.landmark_triangle[self.used]]
+        weights = model.landmark_barycentric[self.used]
+
+        def carried(basis: np.ndarray) -> np.ndarray:
+            return np.einsum("lc,blcx->blx", weights, basis[:, corners]).astype(np.float64)
+
+        self.neutral = carried(model.neutral[None])[0]  # (L, 3)
+        self.basis = np.concatenate([carried(model.identity), carried(model.expression)])
+        self.frames, self.weights = self._trust()
+        place = {landmark: index for index, landmark in enumerate(self.used)}
+        gaps = [pair for pair in _GAPS if pair[0] in place and pair[1] in place]
+        self.gaps = np.array([[place[a], place[b]] for a, b in gaps], dtype=int).reshape(-1, 2)
+
+    def _trust(self) -> tuple[np.ndarray, np.ndarray]:
+        """Per landmark an orthonormal frame (L, 2, 2), rows the directions, and weights (L, 2)."""
+        settings = self.settings
+        frames = np.tile(np.eye(2), (LANDMARKS, 1, 1))
+        weights = np.full((LANDMARKS, 2), settings.other_weight)
+        for contour in (LIPS_OUTER, LIPS_INNER, RIGHT_EYE, LEFT_EYE, NOSE_AND_MIDLINE):
+            weights[list(contour)] = settings.contour_weight
+        oval = list(FACE_OVAL)
+        outline = self.landmarks[oval, :2]
+        along = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
+        along /= np.maximum(np.linalg.norm(along, axis=-1, keepdims=True), 1e-9)
+        frames[oval] = np.stack([along, along[:, ::-1] * (-1, 1)], axis=1)
+        weights[oval] = settings.oval_weight * np.array([settings.oval_tangential**2, 1.0])
+        return frames[self.used], weights[self.used]
+
+    def start(self) -> _State:
+        """Scaled rigid alignment of the neutral's landmarks with the detected ones."""
+        weight = self.weights.mean(axis=1)
+        weight = np.maximum(weight, 0.1 * weight.max())
+        weight /= weight.sum()
+        seen = self.landmarks[self.used] * (1, -1, -1)
+        source = self.neutral - weight @ self.neutral
+        goal = seen - weight @ seen
+        u, sizes, vt = np.linalg.svd((goal * weight[:, None]).T @ source)
+        flip = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
+        rotation = (u * flip) @ vt
+        scale = (sizes @ flip) / np.sum(weight[:, None] * source**2)
+        depth = self.camera.focal / max(scale, 1e-6)
+        middle = self.camera.unproject((weight @ seen)[:2] * (1, -1), depth)
+        units = len(self.model.identity)
+        return _State(
+            rotation,
+            middle - rotation @ (weight @ self.neutral),
+            np.zeros(units),
+            np.zeros(len(self.basis) - units),
+        )
+
+    def step(self, state: _State, free_shape: bool) -> _State:
+        settings, camera = self.settings, self.camera
+        shape = np.concatenate([state.identity, state.expression])
+        local = self.neutral + np.tensordot(shape, self.basis, axes=1)
+        turned = local @ state.rotation.T
+        world = turned + state.translation
+        inverse_depth = 1 / -world[:, 2]
+        error = camera.project(world) - self.goal
+
+        # d pixel / d world, (L, 2, 3)
+        slope = np.zeros((len(world), 2, 3))
+        slope[:, 0, 0] = camera.focal * inverse_depth
+        slope[:, 1, 1] = -slope[:, 0, 0]
+        slope[:, :, 2] = (error + self.goal - (camera.cx, camera.cy)) * inverse_depth[:, None]
+        cross = np.zeros((len(world), 3, 3))  # d world / d turn about the world's axes
+        cross[:, [2, 0, 1], [1, 2, 0]] = turned[:, [0, 1, 2]]
+        cross[:, [1, 2, 0], [2, 0, 1]] = -turned[:, [0, 1, 2]]
+        cross = -cross
+        columns = [cross, np.tile(np.eye(3), (len(world), 1, 1))]
+        if free_shape:
+            columns.append(np.einsum("xy,bly->lxb", state.rotation, self.basis))
+        jacobian = np.einsum("lij,ljk->lik", slope, np.concatenate(columns, axis=2))
+
+        distance = np.linalg.norm(error, axis=-1)
+        huber = np.minimum(1, settings.huber * self.pixel / np.maximum(distance, 1e-9))
+        weight = self.weights * huber[:, None] / (settings.deviation * self.pixel) ** 2
+        across = jacobian[self.gaps[:, 0]] - jacobian[self.gaps[:, 1]]
+        gap_error = error[self.gaps[:, 0]] - error[self.gaps[:, 1]]
+        jacobian = np.einsum("lij,ljk->lik", self.frames, jacobian)
+        error = np.einsum("lij,lj->li", self.frames, error)
+        rows = jacobian.reshape(-1, jacobian.shape[2])
+        matrix = (rows * weight.reshape(-1, 1)).T @ rows
+        gradient = rows.T @ (weight * error).ravel()
+        if free_shape:
+            rows = across.reshape(-1, across.shape[2])
+            weight = 1 / (settings.gap_deviation * self.pixel) ** 2
+            matrix += weight * rows.T @ rows
+            gradient += weight * rows.T @ gap_error.ravel()
+        size = len(matrix)
+        prior = np.zeros(size)
+        low, high = np.full(size, -np.inf), np.full(size, np.inf)
+        current = np.zeros(size)
+        if free_shape:
+            units = len(state.identity)
+            prior[6 : 6 + units] = 1
+            prior[6 + units :] = 1 / settings.expression_deviation**2
+            current[6:] = shape
+            low[6 + units :], high[6 + units :] = -state.expression, 1 - state.expression
+        matrix[np.diag_indices(size)] += prior
+        move = _bounded_solve(matrix, -(gradient + prior * current), low, high)
+
+        spin = Rotation.from_rotvec(move[:3]).as_matrix()
+        if free_shape:
+            shape = shape + move[6:]
+        units = len(state.identity)
+        return _State(
+            spin @ state.rotation,
+            state.translation + move[3:6],
+            shape[:units],
+            np.clip(shape[units:], 0, 1),
+        )
+
+    def residual(self, vertices: np.ndarray) -> float:
+        """Mean distance of the carried landmarks from `vertices` (V, 3), in eye distances."""
+        points = self.camera.project(self.model.landmarks(vertices)[self.used])
+        eyes = [self.landmarks[list(eye), :2].mean(axis=0) for eye in (RIGHT_EYE, LEFT_EYE)]
+        distance = np.linalg.norm(points - self.goal, axis=-1).mean()
+        return float(distance / max(np.linalg.norm(eyes[0] - eyes[1]), 1e-6))
+
+
+def _bounded_solve(
+    matrix: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """Minimise x A x / 2 - b x for low <= x <= high by an active set; A positive definite."""
+    fixed = np.zeros(len(right), dtype=bool)
+    solution = np.zeros_like(right)
+    for _ in range(10):
+        free = ~fixed
+        rest = right[free] - matrix[np.ix_(free, fixed)] @ solution[fixed]
+        solution[free] = np.linalg.solve(matrix[np.ix_(free, free)], rest)
+        outside = (solution < low) | (solution > high)
+        solution = np.clip(solution, low, high)
+        if not outside.any():
+            break
+        fixed |= outside
+    return solution

@@ -1,0 +1,220 @@
+"""The morphable head model (paper section 2.1) and its file format, docs/head-model-format.md.
+
+    S = S0 + B_id a + B_exp b
+
+Nothing here knows where a model comes from: MakeHuman is one source among others.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import ModelError
+
+VERTEX_REGIONS = ("skin", "lips", "eyes", "eyebrows", "mouth", "scalp", "neck", "ears")
+LANDMARKS = 478
+FORMAT = "unlit-head-model"
+FORMAT_VERSION = 1
+# The largest sensible model: a scan-resolution mesh with a few hundred components.
+MAX_VERTICES = 500_000
+MAX_FILE_BYTES = 2 << 30
+
+
+@dataclass(frozen=True)
+class HeadModel:
+    """A linear head model in its own frame.
+
+    Model frame: right-handed, x towards the image's right when the face is seen from the front
+    (the subject's left), y up, the face looks along +z; centimetres.
+
+    name, licence, origin: str, one line each.
+    neutral: (V, 3) float32, the mean adult with a relaxed, closed mouth and open eyes.
+    identity: (I, V, 3) float32, the displacement of one standard deviation of each component;
+        the coefficients are independent and standard normal.
+    expression: (E, V, 3) float32, the displacement of each unit at full strength; coefficients
+        lie in [0, 1].
+    expression_names: E distinct names, those of ARKit's 52 face units where a unit is one of them.
+    triangles: (F, 3) int32 into the vertices, counter-clockwise seen from outside.
+    uv: (T, 2) float32 texture coordinates, v up.
+    triangle_uv: (F, 3) int32 into uv.
+    landmark_triangle: (478,) int32, the triangle that carries each landmark, -1 where none does.
+    landmark_barycentric: (478, 3) float32, weights of that triangle's corners, summing to 1.
+    vertex_region: (V,) uint8 index into VERTEX_REGIONS.
+
+    Raises ModelError, naming the field, when the arrays do not fit together.
+    """
+
+    name: str
+    licence: str
+    origin: str
+    neutral: np.ndarray
+    identity: np.ndarray
+    expression: np.ndarray
+    expression_names: tuple[str, ...]
+    triangles: np.ndarray
+    uv: np.ndarray
+    triangle_uv: np.ndarray
+    landmark_triangle: np.ndarray
+    landmark_barycentric: np.ndarray
+    vertex_region: np.ndarray
+
+    def __post_init__(self) -> None:
+        _validate(self)
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+    def vertices(self, identity: np.ndarray, expression: np.ndarray) -> np.ndarray:
+        """Vertices (V, 3), float32, model frame, of identity (I,) and expression (E,)."""
+        identity = np.asarray(identity, dtype=np.float32)
+        expression = np.asarray(expression, dtype=np.float32)
+        moved = np.tensordot(identity, self.identity, axes=1)
+        return self.neutral + moved + np.tensordot(expression, self.expression, axes=1)
+
+    def landmarks(self, vertices: np.ndarray) -> np.ndarray:
+        """Landmark points (478, 3) on `vertices` (V, 3), any frame; NaN where there is none."""
+        corners = vertices[self.triangles[self.landmark_triangle]]
+        points = np.einsum("lc,lcx->lx", self.landmark_barycentric, corners)
+        points[self.landmark_triangle < 0] = np.nan
+        return points
+
+    def save(self, path: str | Path) -> None:
+        """Write the documented .npz, replacing `path` only once it is complete."""
+        path = Path(path)
+        part = path.with_name(path.name + ".part")
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        values |= {"format": FORMAT, "version": FORMAT_VERSION}
+        try:
+            with zipfile.ZipFile(part, "w") as archive:
+                for name, value in values.items():
+                    with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                        np.lib.format.write_array(member, np.asarray(value), (1, 0), False)
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+
+    @staticmethod
+    def load(path: str | Path) -> HeadModel:
+        """Read a model file; raises ModelError when it is not one, naming the faulty field."""
+        path = Path(path)
+        try:
+            arrays = _read_npz(path)
+        except FileNotFoundError:
+            raise ModelError(f"{path}: no such head model file") from None
+        except (OSError, ValueError, zipfile.BadZipFile, EOFError, SyntaxError) as error:
+            raise ModelError(f"{path}: not a head model file ({error})") from None
+        if str(arrays.get("format")) != FORMAT:
+            raise ModelError(f"{path}: not a head model file (field 'format' is not {FORMAT!r})")
+        version = arrays["version"].tolist() if "version" in arrays else None
+        if version != FORMAT_VERSION:
+            raise ModelError(
+                f"{path}: head model format version {version} is not supported; "
+                f"convert it to version {FORMAT_VERSION}"
+            )
+        values = {}
+        for field in fields(HeadModel):
+            if field.name not in arrays:
+                raise ModelError(f"{path}: field '{field.name}' is missing from the head model")
+            values[field.name] = _CONVERT.get(field.name, lambda array: array)(arrays[field.name])
+        try:
+            return HeadModel(**values)
+        except ModelError as error:
+            raise ModelError(f"{path}: {error}") from None
+
+
+_CONVERT: dict[str, Callable[[np.ndarray], object]] = {
+    "name": str,
+    "licence": str,
+    "origin": str,
+    "expression_names": lambda array: tuple(str(name) for name in np.atleast_1d(array)),
+}
+
+
+def _read_npz(path: Path) -> dict[str, np.ndarray]:
+    """Arrays of an .npz file, each checked against its header before memory is set aside."""
+    arrays = {}
+    with zipfile.ZipFile(path) as archive:
+        if sum(entry.file_size for entry in archive.infolist()) > MAX_FILE_BYTES:
+            raise ValueError(f"larger than {MAX_FILE_BYTES >> 30} GB")
+        for entry in archive.infolist():
+            with archive.open(entry) as member:
+                version = np.lib.format.read_magic(member)
+                if version != (1, 0):
+                    raise ValueError(f"array {entry.filename} has an unknown header version")
+                shape, fortran, dtype = np.lib.format.read_array_header_1_0(member)
+                count = int(np.prod(shape, dtype=np.float64))
+                if dtype.hasobject or fortran or count * dtype.itemsize > entry.file_size:
+                    raise ValueError(f"array {entry.filename} does not fit its header")
+                size = count * dtype.itemsize
+                data = bytearray(member.read(size))
+                if len(data) != size:
+                    raise ValueError(f"array {entry.filename} is cut short")
+            array = np.frombuffer(data, dtype=dtype, count=count).reshape(shape)
+            arrays[entry.filename.removesuffix(".npy")] = array
+    return arrays
+
+
+def _validate(model: HeadModel) -> None:
+    """Raise ModelError at the first field whose type, shape or values are wrong."""
+
+    def check(condition: object, field: str, problem: str) -> None:
+        if not condition:
+            raise ModelError(f"head model field '{field}' {problem}")
+
+    def array(field: str, kind: str, *shape: int | None) -> np.ndarray:
+        value = getattr(model, field)
+        check(isinstance(value, np.ndarray) and value.dtype == kind, field, f"must be {kind}")
+        fits = value.ndim == len(shape) and all(
+            want is None or have == want for have, want in zip(value.shape, shape, strict=True)
+        )
+        wanted = ", ".join("any" if side is None else str(side) for side in shape)
+        check(fits, field, f"has shape {value.shape}, expected ({wanted})")
+        if kind == "float32":
+            check(np.isfinite(value).all(), field, "holds values that are not finite")
+        return value
+
+    def index(field: str, limit: int, lowest: int, *shape: int | None) -> np.ndarray:
+        value = array(field, "int32", *shape)
+        inside = value.size == 0 or (value.min() >= lowest and value.max() < limit)
+        check(inside, field, f"holds indices outside {lowest}..{limit - 1}")
+        return value
+
+    for field in ("name", "licence", "origin"):
+        check(isinstance(getattr(model, field), str), field, "must be text")
+    count = len(array("neutral", "float32", None, 3))
+    check(3 <= count <= MAX_VERTICES, "neutral", f"has {count} vertices, at most {MAX_VERTICES}")
+    array("identity", "float32", None, count, 3)
+    units = len(array("expression", "float32", None, count, 3))
+    names = model.expression_names
+    check(
+        isinstance(names, tuple) and len(names) == len(set(names)) == units,
+        "expression_names",
+        f"must hold {units} distinct names",
+    )
+    faces = len(index("triangles", count, 0, None, 3))
+    check(faces > 0, "triangles", "is empty")
+    corners = len(array("uv", "float32", None, 2))
+    index("triangle_uv", corners, 0, faces, 3)
+    carried = index("landmark_triangle", faces, -1, LANDMARKS) >= 0
+    weights = array("landmark_barycentric", "float32", LANDMARKS, 3)[carried]
+    unity = np.abs(weights.sum(axis=-1) - 1).max(initial=0) < 1e-3
+    check(unity, "landmark_barycentric", "holds weights that do not sum to 1")
+    region = array("vertex_region", "uint8", count)
+    check(
+        region.max() < len(VERTEX_REGIONS),
+        "vertex_region",
+        f"holds indices outside 0..{len(VERTEX_REGIONS) - 1}",
+    )
+
+
+def default_model() -> HeadModel:
+    """The head model used when the user names none: MakeHuman's, built once and cached."""
+    from .makehuman import cached_model
+
+    return cached_model()

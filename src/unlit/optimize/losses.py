@@ -1,0 +1,86 @@
+"""The terms of the loss (paper, equations 1 to 5), on Dr.Jit arrays.
+
+Each is a mean, so that a weight means the same at every resolution and number of vertices. The
+image is compared in sRGB-encoded values; albedo smoothness is total variation of log albedo, so
+that a contrast costs the same on dark and on light skin (docs/method.md, "Losses").
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from .._runtime import mitsuba
+
+mi = mitsuba()
+
+
+def encode(linear: Any) -> Any:
+    """sRGB encoding of non-negative linear values; the power continues above 1."""
+    linear = dr.fmax(linear, 1e-5)
+    return dr.select(
+        linear <= 0.0031308, 12.92 * linear, 1.055 * dr.power(linear, 1 / 2.4) - 0.055
+    )
+
+
+def image_l1(render: Any, target: Any, weight: Any) -> Any:
+    """Weighted mean absolute difference of encoded colours.
+
+    render: mi.Color3f linear, width P; target: mi.Color3f encoded; weight: mi.Float, sum 1.
+    """
+    difference = dr.abs(encode(render) - target)
+    return dr.sum(weight * (difference.x + difference.y + difference.z)) / 3
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """For each of P pixels, the index of the pixel to the right and of the one below.
+
+    A pixel without such a neighbour inside the mask points to itself: no difference, no cost.
+    """
+
+    right: Any
+    below: Any
+
+    @staticmethod
+    def of(pixel: np.ndarray, width: int, height: int) -> Neighbours:
+        """From row-major pixel indices (P,) of an image of `width` x `height`."""
+        lookup = np.full(width * height + width + 1, -1, dtype=np.int64)
+        lookup[pixel] = np.arange(len(pixel))
+        right = np.where(pixel % width == width - 1, -1, lookup[pixel + 1])
+        below = lookup[pixel + width]
+        own = np.arange(len(pixel))
+        return Neighbours(
+            *(mi.UInt32(np.where(n < 0, own, n).astype(np.uint32)) for n in (right, below))
+        )
+
+
+def total_variation(values: Any, neighbours: Neighbours) -> Any:
+    """Mean over pixels (and channels) of |difference to the right| + |difference below|."""
+    channels = [values] if isinstance(values, mi.Float) else list(values)
+    total = mi.Float(0)
+    for channel in channels:
+        for neighbour in (neighbours.right, neighbours.below):
+            total += dr.sum(dr.abs(dr.gather(mi.Float, channel, neighbour) - channel))
+    return total / (len(channels) * dr.width(values))
+
+
+def landmark_l2(projected: Any, detected: Any, weight: Any, size: float) -> Any:
+    """Weighted mean squared distance of landmarks, in units of `size` pixels.
+
+    projected, detected: mi.Point2f, pixels; weight: mi.Float, sum 1.
+    """
+    return dr.sum(weight * dr.squared_norm((projected - detected) / size))
+
+
+def shape_l2(vertices: Any, start: Any, unit: float) -> Any:
+    """Mean squared distance of the vertices from the fitted mesh, in units of `unit` cm."""
+    return dr.sum(dr.squared_norm((vertices - start) / unit)) / dr.width(vertices)
+
+
+def normal_l2(perturbation: Any) -> Any:
+    """Mean squared norm of the normal perturbation (paper, section 3.4)."""
+    return dr.sum(dr.squared_norm(perturbation)) / dr.width(perturbation)

@@ -1,0 +1,219 @@
+"""What the stages share: the photo's evidence, the current estimate, and the geometry it is shaded on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from .._runtime import mitsuba
+from ..color import encode_srgb
+from ..render.bounce import Bounce
+from ..render.transport import Directions, Points, shade, visibility
+from ..scene.camera import Camera
+from ..scene.cells import Cells
+from ..scene.light import SphericalGaussians
+from ..scene.maps import Maps, fill
+from ..scene.mesh import Hits, Mesh, surface
+from .losses import Neighbours
+from .schedule import Settings
+
+mi = mitsuba()
+
+#: Order of the regions in `Problem.regions` and in stage 1's base colours (paper, section 3.1).
+REGIONS = ("skin", "lips", "eyes", "eyebrows")
+
+#: Called with (stage name, iteration, iterations, loss).
+Progress = Callable[[str, int, int, float], None]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is known before the optimisation, as NumPy arrays at the crop's resolution.
+
+    image: (H, W, 3) linear sRGB. regions: (H, W, 4) soft masks in the order of REGIONS.
+    mask: (H, W) bool, the pixels that get maps. weight: (H, W) trust in the photo there, 0 to 1;
+    a saturated pixel has none, yet has an albedo. vertices: (V, 3) fitted mesh, world, cm;
+    triangles: (F, 3). landmarks: (L, 2) detected points, pixels; landmark_triangle: (L,),
+    landmark_barycentric: (L, 3): the same points on the mesh; landmark_weight: (L,).
+    """
+
+    image: np.ndarray
+    regions: np.ndarray
+    mask: np.ndarray
+    weight: np.ndarray
+    camera: Camera
+    vertices: np.ndarray
+    triangles: np.ndarray
+    landmarks: np.ndarray
+    landmark_triangle: np.ndarray
+    landmark_barycentric: np.ndarray
+    landmark_weight: np.ndarray
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The current answer. Maps live on the P pixels of the problem; Dr.Jit arrays, detached.
+
+    vertices: mi.Point3f (V). log_diffuse: mi.Color3f (P). log_specular: mi.Float (P).
+    perturbation: mi.Vector3f (P), world frame. axis: mi.Vector3f (K), log_sharpness and
+    log_amplitude: mi.Float (K).
+    """
+
+    vertices: Any
+    log_diffuse: Any
+    log_specular: Any
+    perturbation: Any
+    axis: Any
+    log_sharpness: Any
+    log_amplitude: Any
+
+    def light(self) -> SphericalGaussians:
+        """The lobes as NumPy arrays."""
+        return SphericalGaussians(
+            dr.normalize(self.axis).numpy().T.copy(),
+            dr.exp(self.log_sharpness).numpy(),
+            dr.exp(self.log_amplitude).numpy(),
+        )
+
+    def brightened(self, gain: float) -> Estimate:
+        """The same image explained by albedo times `gain` and light divided by it."""
+        change = float(np.log(gain))
+        return replace(
+            self,
+            log_diffuse=self.log_diffuse + change,
+            log_specular=self.log_specular + change,
+            log_amplitude=self.log_amplitude - change,
+        )
+
+
+class Problem:
+    """The evidence on the P pixels that both the mask and the fitted mesh cover.
+
+    Raises ValueError when the mesh and the mask do not overlap.
+    """
+
+    def __init__(self, evidence: Evidence, settings: Settings, progress: Progress) -> None:
+        self.evidence, self.settings, self.progress = evidence, settings, progress
+        self.camera = evidence.camera
+        #: Stage name -> (iteration, loss) pairs.
+        self.history: dict[str, list[tuple[int, float]]] = {}
+        self.mesh = Mesh(evidence.vertices, evidence.triangles)
+        hits = self.mesh.camera_hits(self.camera)
+        seen = hits.pixel.numpy()
+        kept = np.flatnonzero(evidence.mask.ravel()[seen])
+        if not len(kept):
+            raise ValueError("the fitted head and the face's mask do not overlap")
+        self.hits = Hits(
+            mi.UInt32(seen[kept]), dr.gather(mi.UInt32, hits.triangle, mi.UInt32(kept))
+        )
+        self.pixel = seen[kept].astype(np.int64)
+        self.target = self.color(encode_srgb(evidence.image))
+        weight = evidence.weight.ravel()[self.pixel].astype(np.float64)
+        self.weight = mi.Float((weight / weight.sum()).astype(np.float32))
+        self.neighbours = Neighbours.of(self.pixel, self.camera.width, self.camera.height)
+        regions = evidence.regions.reshape(-1, len(REGIONS))[self.pixel].astype(np.float64)
+        regions /= np.maximum(regions.sum(axis=1, keepdims=True), 1e-6)
+        self.regions = regions.astype(np.float32)
+        table = [getattr(settings, f"{name}_roughness") for name in REGIONS]
+        self.roughness = mi.Float((regions @ table).astype(np.float32))
+
+    def __len__(self) -> int:
+        return len(self.pixel)
+
+    def color(self, image: np.ndarray) -> Any:
+        """mi.Color3f of width P from an image (H, W, 3)."""
+        return mi.Color3f(np.ascontiguousarray(image.reshape(-1, 3)[self.pixel].T, np.float32))
+
+    def image(self, values: Any, background: str = "nearest") -> np.ndarray:
+        """(H, W) or (H, W, 3) float32 image of per-pixel values; the rest nearest or zero."""
+        rows = values.numpy() if not isinstance(values, np.ndarray) else values
+        rows = rows.T if rows.ndim == 2 and rows.shape[0] == 3 and len(self) != 3 else rows
+        shape = (self.camera.height, self.camera.width)
+        out = np.zeros((shape[0] * shape[1], *rows.shape[1:]), dtype=np.float32)
+        out[self.pixel] = rows
+        out = out.reshape(*shape, *rows.shape[1:])
+        if background == "zero":
+            return out
+        known = np.zeros(shape[0] * shape[1], dtype=bool)
+        known[self.pixel] = True
+        return fill(out, known.reshape(shape))
+
+    def maps(self, estimate: Estimate) -> Maps:
+        """The estimate's reflectance as full images, unknown pixels filled from the nearest known."""
+        return Maps(
+            self.image(dr.exp(estimate.log_diffuse)),
+            self.image(dr.exp(estimate.log_specular)),
+            self.image(self.roughness),
+            self.image(estimate.perturbation, "zero"),
+        )
+
+    def move(self, vertices: Any) -> None:
+        """Move the mesh; pixels that no longer hit it keep the triangle they saw last."""
+        self.mesh.set_vertices(vertices)
+        hits = self.mesh.camera_hits(self.camera)
+        triangle = np.full(self.camera.width * self.camera.height, -1, dtype=np.int64)
+        triangle[hits.pixel.numpy()] = hits.triangle.numpy()
+        now = triangle[self.pixel]
+        now = np.where(now < 0, self.hits.triangle.numpy(), now).astype(np.uint32)
+        self.hits = Hits(self.hits.pixel, mi.UInt32(now))
+
+    def points(self, diffuse_normal: Any = None, specular_normal: Any = None) -> Points:
+        """Shading points of the P pixels on the mesh as it is, with other normals if given."""
+        mesh = self.mesh
+        position, normal, geometric = surface(
+            self.camera, self.hits, mesh.vertices, mesh.normals, mesh.triangles
+        )
+        dr.eval(position, normal, geometric)
+        return Points(
+            position,
+            normal if diffuse_normal is None else diffuse_normal,
+            normal if specular_normal is None else specular_normal,
+            geometric,
+            self.roughness,
+        )
+
+
+@dataclass
+class Shading:
+    """Everything that depends on the geometry and the quadrature: visibility, indirect light.
+
+    `indirect` (E, S: mi.Color3f of width P) is held constant between two calls of `update`.
+    """
+
+    problem: Problem
+    cells: Cells
+    points: Points = field(init=False)
+    directions: Directions = field(init=False)
+    bits: Any = field(init=False)
+    bounce: Bounce = field(init=False)
+    indirect: tuple[Any, Any] = field(init=False)
+
+    def __post_init__(self) -> None:
+        problem = self.problem
+        self.directions = Directions(self.cells)
+        self.points = problem.points()
+        self.bits = visibility(problem.mesh.scene, self.points, self.directions)
+        self.bounce = Bounce(
+            problem.mesh,
+            problem.camera,
+            problem.hits,
+            self.directions,
+            problem.image(problem.roughness),
+            problem.settings.bounces,
+        )
+        zero = dr.zeros(mi.Color3f, len(problem))
+        self.indirect = (zero, mi.Color3f(zero))
+
+    def update(self, radiance: np.ndarray, maps: Maps) -> None:
+        """Bring the indirect light up to date with the light's cell means (D,) and the maps."""
+        e, s = self.bounce.shade(radiance, maps)
+        self.indirect = (mi.Color3f(e.T.copy()), mi.Color3f(s.T.copy()))
+
+    def shade(self, radiance: np.ndarray) -> tuple[Any, Any]:
+        """Direct plus indirect E and S, mi.Color3f of width P, with the current normals."""
+        e, s = shade(self.points, self.directions, self.bits, radiance)
+        return mi.Color3f(e) + self.indirect[0], mi.Color3f(s) + self.indirect[1]

@@ -1,0 +1,175 @@
+"""The schedule (paper, Table 1) and every choice the paper leaves open, as typed settings.
+
+Two presets, `paper` and `draft`, are instances of one dataclass. Any field can be overridden by
+its dotted name, e.g. `stage2.iterations=500` or `smoothness=l2`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, replace
+from typing import Any, get_type_hints
+
+from ..errors import SettingsError
+from ..scene.brdf import ROUGHNESS
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One column of Table 1: iterations, loss weights, learning rates."""
+
+    iterations: int
+    image: float = 1.0
+    specular_smoothness: float = 0.0
+    diffuse_smoothness: float = 0.0
+    landmark: float = 0.0
+    shape: float = 0.0
+    normal: float = 0.0
+    axis_rate: float = 0.0
+    sharpness_rate: float = 0.0
+    amplitude_rate: float = 0.0
+    rate: float = 0.05
+
+
+# fmt: off
+#: Table 1 of the paper. A weight that does not apply to a stage is 0.
+TABLE_1 = {
+    #                        N     image spec  diff  landm shape normal  xi     lambda mu
+    "stage1": Stage(         2000, 1.0,  0.0,  0.0,  0.0,  0.0,  0.0,    0.01,  0.05,  0.05),
+    "stage2": Stage(         2000, 1.0, 10.0,  1.0,  0.0,  0.0,  0.0,    0.01,  0.05,  0.05),
+    "stage3": Stage(          750, 1.0, 10.0,  1.0,  1.0, 50.0,  0.0,    0.005, 0.01,  0.01),
+    "stage4": Stage(          500, 1.0, 10.0,  1.0,  1.0, 50.0,  0.1,    0.0,   0.0,   0.0),
+    "stage5": Stage(          100, 1.0,  1.0,  0.1,  1.0, 50.0,  0.1,    0.0,   0.0,   0.0),
+}
+# fmt: on
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Everything that decides a reconstruction besides the photo and the seed.
+
+    The first five fields are Table 1; the others are readings of what the paper leaves open, each
+    with its measurement in docs/method.md.
+    """
+
+    stage1: Stage = TABLE_1["stage1"]
+    stage2: Stage = TABLE_1["stage2"]
+    stage3: Stage = TABLE_1["stage3"]
+    stage4: Stage = TABLE_1["stage4"]
+    stage5: Stage = TABLE_1["stage5"]
+
+    #: Side of the square crop, pixels (256 to 2048).
+    resolution: int = 512
+    #: Seed of the landmark-independent random choices (none in the default path).
+    seed: int = 0
+
+    #: Learning rates fall to this share of their start by the end of each stage (cosine curve).
+    rate_floor: float = 0.02
+    #: Every element of every gradient is clipped to [-clip, clip] (paper, section 4).
+    clip: float = 1.0
+
+    #: Starting sharpness of the 648 lobes; 46: half the peak at a quarter of the grid's spacing.
+    start_sharpness: float = 46.0
+    #: Bounds of the sharpness during the optimisation.
+    min_sharpness: float = 4.0
+    max_sharpness: float = 600.0
+    #: Starting specular albedo of every region.
+    start_specular: float = 0.7
+    #: Range of the specular albedo: a factor on a lobe whose Fresnel value is skin's own.
+    max_specular: float = 2.0
+
+    #: Rank of the transport's factorisation: diffuse, specular.
+    diffuse_rank: int = 96
+    specular_rank: int = 160
+    #: Points of the face that stage 1 looks at.
+    stage1_points: int = 8000
+    #: Cells of the light: rows, columns of the regular grid; split further where the light is
+    #: steep, up to `max_cells`, after stage 1.
+    cell_rows: int = 18
+    cell_columns: int = 36
+    max_cells: int = 1000
+
+    #: Inter-reflections that are rendered, and how often (iterations) they are updated.
+    bounces: int = 3
+    bounce_interval: int = 50
+    #: Iterations between two re-linearisations of the shading in the normals (stages 3 to 5).
+    refresh_interval: int = 25
+    #: Largest vertex motion (cm) before visibility is traced anew in stage 3.
+    retrace_distance: float = 0.05
+
+    #: Preconditioning strength of the shape's gradient (Nicolet et al. 2021).
+    shape_lambda: float = 19.0
+    #: Factor on the vertices' rate, which then is in cm.
+    shape_rate: float = 1.0
+    #: Unit of length, cm, in which the shape's L2 distance is measured.
+    shape_unit: float = 1.0
+
+    #: Beckmann roughness by region.
+    skin_roughness: float = ROUGHNESS["skin"]
+    lips_roughness: float = ROUGHNESS["lips"]
+    eyes_roughness: float = ROUGHNESS["eyes"]
+    eyebrows_roughness: float = ROUGHNESS["eyebrows"]
+
+    def ranks(self) -> tuple[int, int]:
+        """Ranks of the diffuse and the specular transport."""
+        return self.diffuse_rank, self.specular_rank
+
+    def stages(self) -> tuple[Stage, Stage, Stage, Stage, Stage]:
+        """The five stages in order."""
+        return self.stage1, self.stage2, self.stage3, self.stage4, self.stage5
+
+
+def _shorter(factor: float) -> dict[str, Stage]:
+    return {
+        name: replace(stage, iterations=max(1, round(stage.iterations * factor)))
+        for name, stage in TABLE_1.items()
+    }
+
+
+PRESETS = {
+    "paper": Settings(),
+    "draft": Settings(**_shorter(0.15), resolution=256),
+}
+
+
+def override(settings: Settings, changes: dict[str, Any]) -> Settings:
+    """Copy of `settings` with dotted names replaced; values may be text or of the right type.
+
+    Raises SettingsError that names the field when it is unknown or the value does not fit.
+    """
+    for name, value in changes.items():
+        settings = _set(settings, name.split("."), value, name)
+    if not 256 <= settings.resolution <= 2048:
+        raise SettingsError(f"resolution={settings.resolution}: choose 256 to 2048 pixels")
+    for name, stage in zip(TABLE_1, settings.stages(), strict=True):
+        if stage.iterations < 0:
+            raise SettingsError(f"{name}.iterations={stage.iterations}: must be 0 or more")
+    return settings
+
+
+def _set(target: Any, path: list[str], value: Any, full: str) -> Any:
+    kinds = get_type_hints(type(target))
+    if path[0] not in kinds:
+        known = ", ".join(sorted(kinds))
+        raise SettingsError(f"{full}: no such setting; known here: {known}")
+    kind = kinds[path[0]]
+    if dataclasses.is_dataclass(kind):
+        if len(path) == 1 and not isinstance(value, dict):
+            raise SettingsError(f"{full}: name one of its fields, e.g. {full}.iterations")
+        inner = getattr(target, path[0])
+        for key, part in value.items() if len(path) == 1 else [(".".join(path[1:]), value)]:
+            inner = _set(inner, key.split("."), part, f"{path[0]}.{key}")
+        return replace(target, **{path[0]: inner})
+    if len(path) > 1:
+        raise SettingsError(f"{full}: {path[0]} has no fields")
+    try:
+        if kind is int and float(value) != int(float(value)):
+            raise ValueError
+        return replace(target, **{path[0]: kind(float(value)) if kind in (int, float) else kind(value)})
+    except (TypeError, ValueError):
+        raise SettingsError(f"{full}={value!r}: expected {kind.__name__}") from None
+
+
+def as_dict(settings: Settings) -> dict[str, Any]:
+    """Nested plain values, for the log and the saved reconstruction."""
+    return dataclasses.asdict(settings)

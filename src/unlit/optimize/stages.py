@@ -1,0 +1,439 @@
+"""The five stages of the guided optimisation (paper, section 3), one function each.
+
+Every stage takes and returns an `Estimate`. What a stage minimises is written out in its body in
+the order of the paper's equations; the weights and rates are the columns of Table 1
+(schedule.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from .._runtime import mitsuba
+from ..render.transport import Transport, linearize, visibility
+from ..scene.cells import Cells, grid_cells, refine
+from ..scene.light import grid_lobes
+from ..scene.lobes import CellRadiance
+from ..scene.maps import DIFFUSE_BLUR
+from ..scene.mesh import surface, vertex_normals
+from .blur import Blur
+from .losses import image_l1, landmark_l2, normal_l2, shape_l2, total_variation
+from .optimizer import Adam
+from .problem import Estimate, Problem, Shading
+from .schedule import Settings, Stage
+
+mi = mitsuba()
+
+#: Iterations between two reports of the loss; reading it more often would stall the device.
+REPORT = 25
+
+
+def start(problem: Problem) -> Estimate:
+    """The estimate before stage 1: a near-uniform light and black maps that stage 1 will set."""
+    settings = problem.settings
+    lobes = grid_lobes(settings.start_sharpness, 1.0)
+    count = len(problem)
+    return Estimate(
+        mi.Point3f(np.ascontiguousarray(problem.evidence.vertices.T, dtype=np.float32)),
+        dr.zeros(mi.Color3f, count),
+        dr.zeros(mi.Float, count),
+        dr.zeros(mi.Vector3f, count),
+        mi.Vector3f(np.ascontiguousarray(lobes.axis.T)),
+        mi.Float(np.log(lobes.sharpness)),
+        mi.Float(np.log(lobes.amplitude)),
+    )
+
+
+def _light_parameters(estimate: Estimate) -> dict[str, Any]:
+    return {
+        "axis": estimate.axis,
+        "log_sharpness": estimate.log_sharpness,
+        "log_amplitude": estimate.log_amplitude,
+    }
+
+
+def _light_rates(stage: Stage) -> dict[str, float]:
+    return {
+        "axis": stage.axis_rate,
+        "log_sharpness": stage.sharpness_rate,
+        "log_amplitude": stage.amplitude_rate,
+    }
+
+
+def _radiance(cells: CellRadiance, adam: Adam) -> Any:
+    return cells(
+        dr.normalize(adam["axis"]), dr.exp(adam["log_sharpness"]), dr.exp(adam["log_amplitude"])
+    )
+
+
+def _render(log_diffuse: Any, log_specular: Any, e: Any, s: Any) -> Any:
+    """I = rho_d E + rho_s S, mi.Color3f."""
+    return dr.exp(log_diffuse) * e + dr.exp(log_specular) * s
+
+
+class _Run:
+    """The bookkeeping of one stage: its optimiser, progress, and the history of its loss."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        name: str,
+        parameters: dict[str, Any],
+        rates: dict[str, float],
+        uniform: frozenset[str] = frozenset(),
+    ) -> None:
+        self.problem, self.name = problem, name
+        self.settings: Settings = problem.settings
+        self.stage: Stage = getattr(problem.settings, name)
+        self.adam = Adam(
+            parameters,
+            rates,
+            self.stage.iterations,
+            self.settings.rate_floor,
+            self.settings.clip,
+            uniform,
+        )
+
+    def step(self, iteration: int, loss: Any) -> None:
+        """Back-propagate `loss`, take one step, keep the parameters in range, report."""
+        adam, settings = self.adam, self.settings
+        dr.backward(loss)
+        adam.step()
+        if "axis" in adam.rates:
+            low, high = np.log(settings.min_sharpness), np.log(settings.max_sharpness)
+            adam["axis"] = dr.normalize(adam["axis"])
+            adam["log_sharpness"] = dr.clip(adam["log_sharpness"], low, high)
+        adam["log_specular"] = dr.fmin(adam["log_specular"], np.log(settings.max_specular))
+        iterations = self.stage.iterations
+        if iteration % REPORT == 0 or iteration == iterations - 1:
+            value = float(loss.numpy().item())
+            self.problem.history.setdefault(self.name, []).append((iteration, value))
+            self.problem.progress(self.name, iteration + 1, iterations, value)
+
+    def result(self, estimate: Estimate, *names: str) -> Estimate:
+        """`estimate` with the named parameters as they are now."""
+        return replace(estimate, **{name: dr.detach(self.adam[name]) for name in names})
+
+
+def _smoothness(stage: Stage, problem: Problem, log_diffuse: Any, log_specular: Any) -> Any:
+    """Smoothness of both albedo maps per texel (section 3.2)."""
+    return stage.diffuse_smoothness * total_variation(
+        log_diffuse, problem.neighbours
+    ) + stage.specular_smoothness * total_variation(log_specular, problem.neighbours)
+
+
+def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
+    """Base colour and light: one diffuse and one specular albedo per region (section 3.1).
+
+    With an albedo that cannot vary inside a region, shading has to be explained by the light. An
+    even sample of the pixels is enough for so few unknowns.
+    """
+    settings = problem.settings
+    sample = np.unique(np.linspace(0, len(problem) - 1, settings.stage1_points).astype(np.uint32))
+    index = mi.UInt32(sample)
+    points = shading.points.gather(index)
+    bits = visibility(problem.mesh.scene, points, shading.directions)
+    transport = Transport(points, shading.directions, bits, settings.ranks())
+    cells = CellRadiance(shading.cells)
+    target = dr.gather(mi.Color3f, problem.target, index)
+    weight = dr.gather(mi.Float, problem.weight, index)
+    weight /= dr.sum(weight)
+    everywhere = [mi.Float(np.ascontiguousarray(r)) for r in problem.regions.T]
+    masks = [dr.gather(mi.Float, r, index) for r in everywhere]
+
+    diffuse, specular = _base_start(problem, transport, cells, estimate, sample)
+    run = _Run(
+        problem,
+        "stage1",
+        {**_light_parameters(estimate), "log_diffuse": diffuse, "log_specular": specular},
+        {
+            **_light_rates(problem.settings.stage1),
+            "log_diffuse": problem.settings.stage1.rate,
+            "log_specular": problem.settings.stage1.rate,
+        },
+    )
+    adam = run.adam
+    indirect: list[Any] = []
+    for iteration in range(run.stage.iterations):
+        radiance = _radiance(cells, adam)
+        if iteration % settings.bounce_interval == 0:
+            current = replace(
+                estimate,
+                log_diffuse=_spread(everywhere, adam["log_diffuse"]),
+                log_specular=_spread(everywhere, adam["log_specular"]),
+            )
+            shading.update(dr.detach(radiance).numpy(), problem.maps(current))
+            indirect = [dr.gather(mi.Color3f, i, index) for i in shading.indirect]
+        e, s = transport.shade(radiance)
+        image = _render(
+            _spread(masks, adam["log_diffuse"]),
+            _spread(masks, adam["log_specular"]),
+            e + indirect[0],
+            s + indirect[1],
+        )
+        run.step(iteration, run.stage.image * image_l1(image, target, weight))
+
+    estimate = run.result(estimate, *_light_parameters(estimate))
+    return replace(
+        estimate,
+        log_diffuse=dr.detach(_spread(everywhere, adam["log_diffuse"])),
+        log_specular=dr.detach(_spread(everywhere, adam["log_specular"])),
+    )
+
+
+def _base_start(
+    problem: Problem, transport: Transport, cells: CellRadiance, estimate: Estimate, sample: Any
+) -> tuple[Any, Any]:
+    """Log base colours that give each region its median colour under the starting light."""
+    light = estimate.light()
+    e, _ = transport.shade(mi.Float(cells.of(light)))
+    image = problem.evidence.image.reshape(-1, 3)[problem.pixel[sample]]
+    level = float(np.median(e.numpy()))
+    colours = []
+    for share in problem.regions[sample].T:
+        inside = share > 0.5
+        colours.append(np.median(image[inside if inside.any() else slice(None)], axis=0) / level)
+    specular = np.full(len(colours), np.log(problem.settings.start_specular), dtype=np.float32)
+    return mi.Color3f(np.log(np.maximum(np.array(colours), 1e-3)).T.astype(np.float32).copy()), (
+        mi.Float(specular)
+    )
+
+
+def _spread(masks: list[Any], log_base: Any) -> Any:
+    """Log of the blend of the regions' base albedos by their soft masks."""
+    kind = type(log_base)
+    base = dr.exp(log_base)
+    return dr.log(sum(m * dr.gather(kind, base, mi.UInt32(k)) for k, m in enumerate(masks)))
+
+
+def stage2(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
+    """Low-frequency albedo: maps under strong smoothness, jointly with the light (section 3.2)."""
+    settings = problem.settings
+    transport = Transport(shading.points, shading.directions, shading.bits, settings.ranks())
+    cells = CellRadiance(shading.cells)
+    stage = settings.stage2
+    run = _Run(
+        problem,
+        "stage2",
+        {
+            **_light_parameters(estimate),
+            "log_diffuse": estimate.log_diffuse,
+            "log_specular": estimate.log_specular,
+        },
+        {**_light_rates(stage), "log_diffuse": stage.rate, "log_specular": stage.rate},
+    )
+    adam = run.adam
+    names = ("log_diffuse", "log_specular", *_light_parameters(estimate))
+    for iteration in range(stage.iterations):
+        radiance = _radiance(cells, adam)
+        if iteration % settings.bounce_interval == 0:
+            shading.update(dr.detach(radiance).numpy(), problem.maps(run.result(estimate, *names)))
+        e, s = transport.shade(radiance)
+        image = _render(
+            adam["log_diffuse"],
+            adam["log_specular"],
+            e + shading.indirect[0],
+            s + shading.indirect[1],
+        )
+        loss = stage.image * image_l1(image, problem.target, problem.weight)
+        loss += _smoothness(stage, problem, adam["log_diffuse"], adam["log_specular"])
+        run.step(iteration, loss)
+    return run.result(estimate, *names)
+
+
+def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate, Shading]:
+    """Shape: vertices through the large-steps preconditioner, textures in image space (3.3).
+
+    Shading is linearised in the normals and refreshed every `refresh_interval` iterations; rays
+    are traced anew, and the light's transport with them, once a vertex has moved by
+    `retrace_distance`.
+    """
+    settings, stage = problem.settings, problem.settings.stage3
+    begin = mi.Point3f(estimate.vertices)
+    fitted = mi.Point3f(np.ascontiguousarray(problem.evidence.vertices.T, dtype=np.float32))
+    steps = mi.ad.LargeSteps(
+        dr.ravel(begin), dr.ravel(problem.mesh.triangles), settings.shape_lambda
+    )
+    run = _Run(
+        problem,
+        "stage3",
+        {
+            **_light_parameters(estimate),
+            "log_diffuse": estimate.log_diffuse,
+            "log_specular": estimate.log_specular,
+            "latent": mi.Float(steps.to_differential(dr.ravel(begin))),
+        },
+        {
+            **_light_rates(stage),
+            "log_diffuse": stage.rate,
+            "log_specular": stage.rate,
+            "latent": stage.rate * settings.shape_rate,
+        },
+        uniform=frozenset({"latent"}),
+    )
+    adam = run.adam
+    landmarks = Landmarks(problem)
+    of_lobes = CellRadiance(cells)
+    names = ("log_diffuse", "log_specular", *_light_parameters(estimate))
+    shading = Shading(problem, cells)
+    transport = Transport(shading.points, shading.directions, shading.bits, settings.ranks())
+    traced = begin
+    local: Any = None
+    known: Any = None
+    for iteration in range(stage.iterations):
+        vertices = dr.unravel(mi.Point3f, steps.from_differential(adam["latent"]))
+        radiance = _radiance(of_lobes, adam)
+        if iteration % settings.refresh_interval == 0:
+            moved = float(dr.max(dr.norm(dr.detach(vertices) - traced)).numpy().item())
+            problem.move(vertices)
+            if moved > settings.retrace_distance:
+                traced = dr.detach(vertices)
+                shading = Shading(problem, cells)
+                transport = Transport(
+                    shading.points, shading.directions, shading.bits, settings.ranks()
+                )
+            else:
+                shading.points = problem.points()
+            known = dr.detach(radiance)
+            shading.update(known.numpy(), problem.maps(run.result(estimate, *names)))
+            local = linearize(shading.points, shading.directions, shading.bits, known.numpy())
+        normals = vertex_normals(vertices, problem.mesh.triangles)
+        _, normal, _ = surface(
+            problem.camera, problem.hits, vertices, normals, problem.mesh.triangles
+        )
+        e, s = local.shade(normal, normal)
+        change_e, change_s = transport.shade(radiance - known)
+        image = _render(
+            adam["log_diffuse"],
+            adam["log_specular"],
+            dr.fmax(e + change_e, 0) + shading.indirect[0],
+            dr.fmax(s + change_s, 0) + shading.indirect[1],
+        )
+        loss = stage.image * image_l1(image, problem.target, problem.weight)
+        loss += _smoothness(stage, problem, adam["log_diffuse"], adam["log_specular"])
+        loss += stage.landmark * landmarks.loss(vertices)
+        loss += stage.shape * shape_l2(vertices, fitted, settings.shape_unit)
+        run.step(iteration, loss)
+
+    vertices = dr.detach(dr.unravel(mi.Point3f, steps.from_differential(adam["latent"])))
+    problem.move(vertices)
+    return replace(run.result(estimate, *names), vertices=vertices), Shading(problem, cells)
+
+
+def _normals_and_albedo(
+    problem: Problem, estimate: Estimate, shading: Shading, name: str
+) -> Estimate:
+    """Stages 4 and 5: albedo maps and normal perturbation under a fixed light and mesh."""
+    settings: Settings = problem.settings
+    stage: Stage = getattr(settings, name)
+    names = ("log_diffuse", "log_specular", "perturbation")
+    run = _Run(
+        problem,
+        name,
+        {n: getattr(estimate, n) for n in names},
+        dict.fromkeys(names, stage.rate),
+    )
+    adam = run.adam
+    blur = Blur(problem.pixel, problem.camera.width, problem.camera.height, DIFFUSE_BLUR)
+    mesh_normal = problem.points().specular_normal
+    radiance = CellRadiance(shading.cells).of(estimate.light())
+    local: Any = None
+    for iteration in range(stage.iterations):
+        perturbation = adam["perturbation"]
+        specular_normal = dr.normalize(mesh_normal + perturbation)
+        diffuse_normal = dr.normalize(mesh_normal + blur(perturbation))
+        if iteration % settings.refresh_interval == 0:
+            turned = (dr.detach(diffuse_normal), dr.detach(specular_normal))
+            dr.eval(*turned)
+            shading.points = problem.points(*turned)
+            local = linearize(shading.points, shading.directions, shading.bits, radiance)
+            shading.update(radiance, problem.maps(run.result(estimate, *names)))
+        e, s = local.shade(diffuse_normal, specular_normal)
+        image = _render(
+            adam["log_diffuse"],
+            adam["log_specular"],
+            e + shading.indirect[0],
+            s + shading.indirect[1],
+        )
+        loss = stage.image * image_l1(image, problem.target, problem.weight)
+        loss += _smoothness(stage, problem, adam["log_diffuse"], adam["log_specular"])
+        loss += stage.normal * normal_l2(perturbation)
+        run.step(iteration, loss)
+    return run.result(estimate, *names)
+
+
+def stage4(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
+    """Normals: a perturbation per texel for the specular normal, blurred for the diffuse (3.4)."""
+    return _normals_and_albedo(problem, estimate, shading, "stage4")
+
+
+def stage5(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
+    """High-frequency albedo: the same unknowns under weaker smoothness (section 3.5)."""
+    return _normals_and_albedo(problem, estimate, shading, "stage5")
+
+
+class Landmarks:
+    """The weak keypoint loss of stage 3: points fixed on the mesh against the detected ones."""
+
+    def __init__(self, problem: Problem) -> None:
+        evidence = problem.evidence
+        used = np.flatnonzero((evidence.landmark_weight > 0) & (evidence.landmark_triangle >= 0))
+        corner = evidence.triangles[evidence.landmark_triangle[used]].T.astype(np.uint32)
+        self.corner = mi.Vector3u(np.ascontiguousarray(corner))
+        share = evidence.landmark_barycentric[used].T.astype(np.float32)
+        self.share = mi.Vector3f(np.ascontiguousarray(share))
+        detected = evidence.landmarks[used, :2].T.astype(np.float32)
+        self.detected = mi.Point2f(np.ascontiguousarray(detected))
+        weight = evidence.landmark_weight[used].astype(np.float32)
+        self.weight = mi.Float(weight / weight.sum())
+        self.camera = problem.camera
+
+    def loss(self, vertices: Any) -> Any:
+        """Mean squared distance in units of the crop's width."""
+        camera = self.camera
+        point = sum(
+            dr.gather(mi.Point3f, vertices, self.corner[i]) * self.share[i] for i in range(3)
+        )
+        scale = camera.focal / -point.z
+        projected = mi.Point2f(camera.cx + point.x * scale, camera.cy - point.y * scale)
+        return landmark_l2(projected, self.detected, self.weight, camera.width)
+
+
+def run_stages(problem: Problem, after: Callable[[str, Estimate, Shading], None]) -> tuple[Estimate, Shading]:
+    """The whole schedule. `after` is called with (stage name, estimate, shading) at each end."""
+    settings = problem.settings
+    estimate = start(problem)
+    cells = grid_cells(settings.cell_rows, settings.cell_columns)
+    shading = Shading(problem, cells)
+    estimate = exposed(problem, stage1(problem, estimate, shading), shading)
+    after("stage1", estimate, shading)
+    cells = refine(cells, estimate.light().rasterize(), limit=settings.max_cells)
+    shading = Shading(problem, cells)
+    estimate = exposed(problem, stage2(problem, estimate, shading), shading)
+    after("stage2", estimate, shading)
+    estimate, shading = stage3(problem, estimate, cells)
+    estimate = exposed(problem, estimate, shading)
+    after("stage3", estimate, shading)
+    estimate = stage4(problem, estimate, shading)
+    after("stage4", estimate, shading)
+    estimate = exposed(problem, stage5(problem, estimate, shading), shading)
+    after("stage5", estimate, shading)
+    return estimate, shading
+
+
+def exposed(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
+    """Fix the gain between light and albedo, which no image can tell.
+
+    Convention: the best-lit skin (99th percentile of the diffuse shading E) has E = 1, as if the
+    photo were exposed for a white card held there. Albedo is then what the photo shows where the
+    light is full.
+    """
+    radiance = CellRadiance(shading.cells).of(estimate.light())
+    shading.update(radiance, problem.maps(estimate))
+    e, _ = shading.shade(radiance)
+    return estimate.brightened(float(np.percentile(dr.mean(e).numpy(), 99)))

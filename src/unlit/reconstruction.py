@@ -1,0 +1,76 @@
+"""The result: everything one photo gave, as NumPy arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .photo import Crop
+from .scene.camera import Camera
+from .scene.light import SphericalGaussians
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """A relightable face. Images are float32 at the crop's size S x S; world frame, cm.
+
+    image: (S, S, 3) the photo's crop, linear sRGB.
+    camera: the crop's pinhole camera; crop: where the crop lies in the photo.
+    vertices: (V, 3) world frame, cm; triangles: (F, 3) int32, counter-clockwise from outside.
+    uv: (T, 2) in [0, 1], v up; triangle_uv: (F, 3) int32 into uv.
+    diffuse_albedo: (S, S, 3) linear sRGB. specular_albedo: (S, S), a factor on the Beckmann lobe.
+    roughness: (S, S), Beckmann alpha.
+    specular_normal, diffuse_normal: (S, S, 3) unit, world frame; zero where the camera sees no head.
+    perturbation: (S, S, 3), world frame: what was added to the mesh's normal (stage 4).
+    diffuse_shading, specular_shading: (S, S, 3) linear; with the albedos they give `render`.
+    render: (S, S, 3) linear sRGB. mask: (S, S) in [0, 1], where the maps are measured, not filled.
+    regions: (S, S, 6) soft masks: skin, lips, eyes, eyebrows, mouth, background.
+    light: the 648 spherical Gaussians. photo_name: the photo's file name.
+    settings, metrics: plain values, as saved in reconstruction.toml and metrics.json.
+    """
+
+    photo_name: str
+    image: np.ndarray
+    camera: Camera
+    crop: Crop
+    vertices: np.ndarray
+    triangles: np.ndarray
+    uv: np.ndarray
+    triangle_uv: np.ndarray
+    diffuse_albedo: np.ndarray
+    specular_albedo: np.ndarray
+    roughness: np.ndarray
+    perturbation: np.ndarray
+    specular_normal: np.ndarray
+    diffuse_normal: np.ndarray
+    diffuse_shading: np.ndarray
+    specular_shading: np.ndarray
+    render: np.ndarray
+    mask: np.ndarray
+    regions: np.ndarray
+    light: SphericalGaussians
+    settings: dict[str, Any]
+    metrics: dict[str, Any]
+
+    def relight(self, light: np.ndarray | SphericalGaussians) -> np.ndarray:
+        """The face under another light: (S, S, 3) linear sRGB, 0 where the camera sees no head.
+
+        light: radiance as a latitude-longitude map (H, W) or (H, W, 3) in the world frame of
+        scene/camera.py, or spherical Gaussians. Deterministic, with self-shadowing and
+        inter-reflection.
+        """
+        from .render.relight import relight
+
+        return relight(self, light)
+
+    def save(self, folder: str | Path) -> None:
+        """Write every map, mesh, preview and the montage to `folder`, atomically.
+
+        Raises OutputError when it cannot be written.
+        """
+        from .output import save
+
+        save(self, Path(folder))

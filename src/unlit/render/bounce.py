@@ -1,0 +1,182 @@
+"""Inter-reflection: light that reaches the face by way of the face.
+
+The rays that self-shadowing blocks end on other parts of the face, whose outgoing radiance
+towards the ray is taken as (rho_d + rho_s R(theta)) E, with R the reflectance of the specular lobe
+under a uniform light: diffuse reflection is exact, the lobe is right on average over the light.
+(Leaving R out loses a sixth of the indirect light: most of it travels at grazing angles, across
+creases.) Gathered at the mesh's vertices this is a sparse linear system, with form factors as in
+radiosity (Goral et al. 1984),
+
+    E_i = G[(rho_d + rho_s R)(E + E_i)],        S_i = H[(rho_d + rho_s R)(E + E_i)],
+
+solved by a few substitutions, then interpolated to the pixels: indirect light is smooth. G holds
+the cosine-weighted and H the specular-lobe-weighted form factors towards the camera.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import numpy as np
+from scipy import sparse
+
+from .._runtime import mitsuba
+from ..scene.brdf import reflectance_table, specular
+from ..scene.camera import Camera
+from ..scene.maps import Maps
+from ..scene.mesh import Hits, Mesh, surface_weights
+from .transport import Directions, Points, shade, visibility
+from .visibility import OFFSET
+
+mi = mitsuba()
+
+
+def sphere_directions(count: int) -> np.ndarray:
+    """Nearly even unit directions (count, 3), float32: a spherical Fibonacci lattice."""
+    k = np.arange(count) + 0.5
+    z = 1 - 2 * k / count
+    phi = k * (np.pi * (1 + np.sqrt(5)))
+    r = np.sqrt(1 - z * z)
+    return np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=1).astype(np.float32)
+
+
+def sample_map(image: np.ndarray, camera: Camera, points: np.ndarray) -> np.ndarray:
+    """Nearest values (N, ...) of an image-space map (H, W, ...) where world points (N, 3) project."""
+    xy = np.floor(camera.project(points)).astype(np.int64)
+    return image[
+        np.clip(xy[:, 1], 0, camera.height - 1), np.clip(xy[:, 0], 0, camera.width - 1)
+    ]
+
+
+@dataclass(frozen=True)
+class FormFactors:
+    """Sparse form factors (V, 2V) from the vertices' outgoing radiance to E and S at V vertices.
+
+    The first V columns take the diffuse part rho_d E, the others the specular part rho_s E, whose
+    factors include the reflectance R towards the receiver.
+    """
+
+    diffuse: sparse.csr_matrix
+    specular: sparse.csr_matrix
+
+
+def _reflectance(cosine: Any, alpha: Any) -> Any:
+    """Dr.Jit interpolation of the lobe's reflectance in a table over roughness and cosine."""
+    alphas = np.linspace(0.05, 0.8, 24)
+    cosines = (np.arange(32) + 0.5) / 32
+    table = mi.Texture2f(
+        mi.TensorXf(reflectance_table(alphas, cosines)[..., None]),
+        filter_mode=dr.FilterMode.Linear,
+        wrap_mode=dr.WrapMode.Clamp,
+    )
+    v = (alpha - alphas[0]) / (alphas[-1] - alphas[0]) * (len(alphas) - 1) + 0.5
+    return table.eval(mi.Point2f(cosine, v / len(alphas)))[0]
+
+
+def form_factors(mesh: Mesh, points: Points, count: int = 256) -> FormFactors:
+    """Trace `count` directions from every vertex and record which triangles they end on.
+
+    points: the mesh's vertices as shading points, width V. A ray that meets a triangle from
+    behind carries no light.
+    """
+    vertices = len(points)
+    lattice = sphere_directions(count)
+    directions = mi.Vector3f(np.ascontiguousarray(lattice.T))
+    index = dr.arange(mi.UInt32, vertices * count)
+    n = dr.gather(mi.Vector3f, points.diffuse_normal, index % vertices)
+    towards = dr.gather(mi.Vector3f, directions, index // vertices)
+    start = dr.gather(mi.Point3f, points.position, index % vertices) + OFFSET * n
+    hit = mesh.scene.ray_intersect_preliminary(
+        mi.Ray3f(start, towards), coherent=True, active=dr.dot(n, towards) > 0
+    )
+    kept = dr.compress(hit.is_valid())
+    triangle = dr.gather(mi.UInt32, hit.prim_index, kept)
+    uv = dr.gather(mi.Point2f, hit.prim_uv, kept)
+    point = kept % vertices
+    n, towards = dr.gather(mi.Vector3f, n, kept), dr.gather(mi.Vector3f, towards, kept)
+    corner = dr.gather(mi.Vector3u, mesh.triangles, triangle)
+    shares = (1 - uv.x - uv.y, uv.x, uv.y)
+    normal = sum(
+        dr.gather(mi.Vector3f, mesh.normals, corner[i]) * shares[i] for i in range(3)
+    )
+    leaving = -dr.dot(dr.normalize(normal), towards)
+    alpha = dr.gather(mi.Float, points.roughness, point)
+    viewer = dr.gather(mi.Vector3f, points.to_viewer, point)
+    solid_angle = dr.select(leaving > 0, 4 * np.pi / count, 0)
+    to_e = dr.dot(n, towards) / dr.pi * solid_angle
+    to_s = specular(n, towards, viewer, alpha) * solid_angle
+    hit_alpha = dr.gather(mi.Float, points.roughness, corner[0])
+    shine = _reflectance(leaving, hit_alpha)
+
+    row = np.tile(point.numpy(), 6)
+    columns = np.concatenate([corner[i].numpy() for i in range(3)])
+    columns = np.concatenate([columns, columns + vertices])
+
+    def matrix(weight: Any) -> sparse.csr_matrix:
+        parts = [(weight * share).numpy() for share in shares]
+        parts += [(weight * share * shine).numpy() for share in shares]
+        shape = (vertices, 2 * vertices)
+        return sparse.csr_matrix((np.concatenate(parts), (row, columns)), shape=shape)
+
+    return FormFactors(matrix(to_e), matrix(to_s))
+
+
+class Bounce:
+    """Indirect shading of the pixels that `hits` see, for one position of `mesh`.
+
+    roughness: (H, W) map. bounces: substitutions; each adds one more inter-reflection.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        camera: Camera,
+        hits: Hits,
+        directions: Directions,
+        roughness: np.ndarray,
+        bounces: int = 3,
+    ) -> None:
+        self.camera = camera
+        self.bounces = bounces
+        self.directions = directions
+        self.world = mesh.vertices.numpy().T
+        normal = mi.Vector3f(mesh.normals)
+        alpha = mi.Float(sample_map(roughness, camera, self.world).astype(np.float32))
+        self.points = Points(mi.Point3f(mesh.vertices), normal, normal, normal, alpha)
+        self.bits = visibility(mesh.scene, self.points, directions)
+        self.factors = form_factors(mesh, self.points)
+        corner, weight = surface_weights(camera, hits, mesh.vertices, mesh.triangles)
+        pixels = dr.width(hits.pixel)
+        self.to_pixels = sparse.csr_matrix(
+            (
+                weight.numpy().T.ravel(),
+                corner.numpy().T.ravel(),
+                np.arange(pixels + 1) * 3,
+            ),
+            shape=(pixels, len(self.world)),
+        )
+
+    def shade(self, radiance: np.ndarray, maps: Maps) -> tuple[np.ndarray, np.ndarray]:
+        """Indirect E and S, (P, 3) float32 each, to be added to the direct shading.
+
+        radiance: (D,) or (D, 3) cell means.
+        """
+        direct, _ = shade(self.points, self.directions, self.bits, radiance)
+        light = direct.numpy().T.reshape(len(self.world), -1)
+        rho_d = sample_map(maps.diffuse_albedo, self.camera, self.world)
+        rho_s = sample_map(maps.specular_albedo, self.camera, self.world)[:, None]
+        indirect = np.zeros_like(rho_d)
+
+        def outgoing() -> np.ndarray:
+            total = light + indirect
+            return np.concatenate([rho_d * total, np.broadcast_to(rho_s * total, rho_d.shape)])
+
+        for _ in range(self.bounces - 1):
+            indirect = self.factors.diffuse @ outgoing()
+        e, s = (
+            self.to_pixels @ (m @ outgoing()) for m in (self.factors.diffuse, self.factors.specular)
+        )
+        return e.astype(np.float32), s.astype(np.float32)
+

@@ -1,0 +1,62 @@
+"""Self-shadowing: which directions of light reach which point of the face.
+
+One shadow ray per point and cell of the quadrature (scene/cells.py), traced by Mitsuba, kept as
+one bit. Rays start a hair above the surface along its geometric normal.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+
+from .._runtime import mitsuba
+
+mi = mitsuba()
+
+#: Distance of the ray's start from the surface, cm.
+OFFSET = 2e-3
+
+#: Cosine below the shading horizon down to which rays are traced, so that the bits still serve
+#: after a normal has turned a little.
+HORIZON = -0.3
+
+
+def words(directions: int) -> int:
+    """Number of 32-bit words that hold one bit per direction."""
+    return (directions + 31) // 32
+
+
+def trace(scene: Any, position: Any, normal: Any, geometric: Any, directions: Any) -> Any:
+    """Visibility bits, mi.UInt32 of width words(D) * P: bit d % 32 of entry (d // 32) * P + p.
+
+    scene: Mitsuba scene; position mi.Point3f, shading normal and geometric normal mi.Vector3f, all
+    of width P; directions: mi.Vector3f of width D, unit, to the light. A direction far below the
+    shading horizon (HORIZON) counts as not visible and costs no ray.
+    """
+    points, count = dr.width(position), dr.width(directions)
+    index = dr.arange(mi.UInt32, points * words(count))
+    point, first = index % points, (index // points) * 32
+    n = dr.gather(mi.Vector3f, normal, point)
+    start = dr.gather(mi.Point3f, position, point)
+    start += OFFSET * dr.gather(mi.Vector3f, geometric, point)
+    bits, k = mi.UInt32(0), mi.UInt32(0)
+
+    def body(k: Any, bits: Any, start: Any, n: Any, first: Any) -> tuple[Any, ...]:
+        d = first + k
+        towards = dr.gather(mi.Vector3f, directions, d, d < count)
+        active = (d < count) & (dr.dot(n, towards) > HORIZON)
+        blocked = scene.ray_test(mi.Ray3f(start, towards), coherent=True, active=active)
+        bits |= dr.select(active & ~blocked, mi.UInt32(1) << k, 0)
+        return k + 1, bits, start, n, first
+
+    state = (k, bits, start, n, first)
+    bits = dr.while_loop(state, lambda k, *_: k < 32, body, labels=("k", "bits", "o", "n", "d"))[1]
+    dr.eval(bits)
+    return bits
+
+
+def visible(bits: Any, points: int, point: Any, direction: Any) -> Any:
+    """Whether `direction` (UInt32 index) is seen from `point` (UInt32 index), as mi.Bool."""
+    word = dr.gather(mi.UInt32, bits, (direction >> 5) * points + point)
+    return ((word >> (direction & 31)) & 1) != 0

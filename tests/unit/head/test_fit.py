@@ -1,0 +1,113 @@
+"""Fitting: a known pose and shape come back, lips close, bounds hold, bad input is refused."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from unlit.errors import FaceError
+from unlit.head.fit import FitSettings, fit_head
+from unlit.head.lips import LOWER_RIM, UPPER_RIM, opening, seal_lips
+from unlit.scene.camera import Camera
+
+CAMERA = Camera(512, 512, 1100.0, 250.0, 262.0)
+
+
+def seen(head, turn, place, identity=None, units=None):
+    """Landmarks (478, 3) of a posed head, as the landmarker would give them."""
+    expression = np.zeros(len(head.expression))
+    for name, amount in (units or {}).items():
+        expression[head.expression_names.index(name)] = amount
+    identity = np.zeros(len(head.identity)) if identity is None else identity
+    shape = head.vertices(identity, expression)
+    world = head.landmarks(shape) @ turn.T + place
+    depth = (-world[:, 2] - np.mean(-world[:, 2])) * CAMERA.focal / -np.mean(world[:, 2])
+    return np.column_stack([CAMERA.project(world), depth]), shape @ turn.T + place
+
+
+@pytest.mark.parametrize("angles", [(0, 0, 0), (5, 25, -10), (-10, -30, 5)])
+def test_known_pose_comes_back(head, angles):
+    """The mean head, projected and fitted, is found within half a degree and 3 mm."""
+    turn = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
+    place = np.array([1.0, -2.0, -48.0])
+    landmarks, vertices = seen(head, turn, place)
+    fit = fit_head(head, landmarks, CAMERA)
+    off = Rotation.from_matrix(fit.rotation @ turn.T).magnitude()
+    assert np.degrees(off) < 0.5
+    assert np.abs(fit.translation - place).max() < 0.3
+    assert np.linalg.norm(fit.vertices - vertices, axis=-1).mean() < 0.3
+    assert fit.landmark_residual < 0.01
+    assert fit.vertices.dtype == np.float32 and np.isfinite(fit.vertices).all()
+
+
+def test_identity_and_expression_help(head):
+    """For another person with an open mouth the fit beats the mean head's residual threefold."""
+    rng = np.random.default_rng(3)
+    identity = np.clip(rng.normal(size=len(head.identity)), -1.5, 1.5)
+    landmarks, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]), identity, {"jawOpen": 0.5})
+    fit = fit_head(head, landmarks, CAMERA)
+    mean = fit_head(head, landmarks, CAMERA, FitSettings(deviation=1e6, gap_deviation=1e6))
+    assert fit.landmark_residual < mean.landmark_residual / 3
+    assert (fit.expression >= 0).all() and (fit.expression <= 1).all()
+    assert fit.expression[head.expression_names.index("jawOpen")] > 0.15
+
+
+def test_resolution_does_not_matter(head):
+    """Distances scale with the crop: at twice the size the same head is found."""
+    rng = np.random.default_rng(4)
+    landmarks, _ = seen(
+        head, np.eye(3), np.array([0, 0, -50.0]), rng.normal(size=len(head.identity))
+    )
+    large = Camera(1024, 1024, 2200.0, 500.0, 524.0)
+    one, two = fit_head(head, landmarks, CAMERA), fit_head(head, landmarks * 2, large)
+    np.testing.assert_allclose(one.vertices, two.vertices, atol=1e-3)
+
+
+def test_closed_lips_are_closed(head):
+    """Where the photo's lips touch the fitted rims touch, even if the landmarks part them a bit."""
+    closed, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]))
+    for upper, lower in zip(UPPER_RIM[1:-1], LOWER_RIM[1:-1], strict=True):
+        closed[[upper, lower], 1] += (-0.8, 0.8)
+    assert opening(closed[:, :2]) < FitSettings().closed
+    fit = fit_head(head, closed, CAMERA)
+    rims = head.landmarks(fit.vertices)[[UPPER_RIM, LOWER_RIM]]
+    assert (rims[0, 1:-1, 1] - rims[1, 1:-1, 1]).max() < 0.01
+
+
+def test_open_mouth_stays_open(head):
+    """An open mouth is not sealed."""
+    landmarks, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]), units={"jawOpen": 0.5})
+    fit = fit_head(head, landmarks, CAMERA)
+    points = head.landmarks(fit.vertices)
+    assert points[13, 1] - points[14, 1] > 0.5
+
+
+def test_seal_moves_only_the_mouth(head):
+    """Sealing leaves nose, chin and eyes where they are."""
+    expression = np.zeros(len(head.expression))
+    expression[head.expression_names.index("jawOpen")] = 0.1
+    shape = head.vertices(np.zeros(len(head.identity)), expression)
+    sealed = seal_lips(head, shape)
+    before, after = head.landmarks(shape), head.landmarks(sealed)
+    assert before[13, 1] - before[14, 1] > 0.1
+    assert after[13, 1] - after[14, 1] < 0.01
+    np.testing.assert_array_equal(before[[4, 152, 159, 468]], after[[4, 152, 159, 468]])
+
+
+def test_closed_lids_cover_the_eye(head):
+    """Eyes half shut and shut: no lid vertex inside the eyeball."""
+    for amount in (0.5, 1.0):
+        units = {"eyeBlinkLeft": amount, "eyeBlinkRight": amount}
+        landmarks, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]), units=units)
+        fit = fit_head(head, landmarks, CAMERA)
+        points = head.landmarks(fit.vertices)
+        gap = np.linalg.norm(points[159] - points[145])
+        open_gap = np.linalg.norm(np.subtract(*head.landmarks(head.neutral)[[159, 145]]))
+        assert gap < (1.2 - 0.8 * amount) * open_gap
+
+
+def test_bad_landmarks_are_refused(head):
+    """NaN or the wrong shape is a FaceError, not a NaN mesh."""
+    with pytest.raises(FaceError, match="not 478 finite points"):
+        fit_head(head, np.full((478, 3), np.nan), CAMERA)
+    with pytest.raises(FaceError, match="not 478 finite points"):
+        fit_head(head, np.zeros((68, 3)), CAMERA)

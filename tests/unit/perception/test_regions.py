@@ -1,0 +1,217 @@
+"""Regions: what masks promise whatever the photo, and the cases that ruin albedo if mistaken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+from skimage import data
+
+from unlit.color import decode_srgb
+from unlit.errors import FaceError
+from unlit.perception.contours import coverage, smooth_contour
+from unlit.perception.landmarks import find_faces
+from unlit.perception.regions import Regions, segment
+from unlit.perception.topology import (
+    FACE_OVAL,
+    LEFT_EYE,
+    LIPS_INNER,
+    LIPS_OUTER,
+    RIGHT_EYE,
+)
+from unlit.perception.views import Pyramid, Square
+
+OPEN_EYES = {"eyeBlinkLeft": 0.05, "eyeBlinkRight": 0.05}
+
+
+class Subject:
+    """A 512 x 512 crop in linear sRGB and its landmarks."""
+
+    def __init__(self, rgb: np.ndarray, resolution: int = 512) -> None:
+        face = find_faces(rgb)[0]
+        points = face.landmarks[:, :2].astype(np.float64)
+        low, high = points.min(axis=0), points.max(axis=0)
+        side = float((high - low).max() * 1.5)
+        x, y = (low + high) / 2 - (0, 0.08 * side)
+        view = Pyramid(rgb).view(Square(x, y, side, 0.0), resolution)
+        self.image = decode_srgb(view / 255)
+        self.landmarks = (points - (x, y)) / side * resolution + resolution / 2
+        self.blendshapes = face.blendshapes
+
+    def regions(self) -> Regions:
+        return segment(self.image, self.landmarks, self.blendshapes)
+
+    def inside(self, indices: tuple[int, ...]) -> np.ndarray:
+        contour = smooth_contour(self.landmarks[list(indices)])
+        return coverage(contour, self.image.shape[0]) > 0.5
+
+
+@pytest.fixture(scope="module")
+def astronaut() -> Subject:
+    return Subject(data.astronaut())
+
+
+@pytest.fixture(scope="module")
+def regions(astronaut: Subject) -> Regions:
+    return astronaut.regions()
+
+
+def test_masks_are_a_partition(regions: Regions) -> None:
+    """Weights are in [0, 1] and sum to 1 at every pixel."""
+    assert regions.weights.shape == (512, 512, 6)
+    assert regions.weights.dtype == np.float32
+    assert regions.weights.min() >= 0
+    assert regions.weights.max() <= 1
+    assert np.allclose(regions.weights.sum(axis=-1), 1, atol=1e-5)
+    for index in range(6):
+        assert (regions.weights[..., index] > 0.9).sum() > 100
+
+
+def test_properties_name_the_channels(regions: Regions) -> None:
+    """Names and channel order agree, and the face is its four regions."""
+    names = ("skin", "lips", "eyes", "eyebrows", "mouth", "background")
+    for index, name in enumerate(names):
+        assert np.shares_memory(getattr(regions, name), regions.weights[..., index])
+    assert np.allclose(regions.face, 1 - regions.mouth - regions.background, atol=1e-5)
+
+
+def test_features_lie_where_they_should(astronaut: Subject, regions: Regions) -> None:
+    """Lips, eyes and mouth lie inside the oval; lips around the mouth, brows above the eyes."""
+    oval = astronaut.inside(FACE_OVAL)
+    for mask in (regions.lips, regions.eyes, regions.mouth, regions.eyebrows):
+        assert mask[~oval].max() < 0.5
+    assert regions.lips[~astronaut.inside(LIPS_OUTER)].max() < 0.6
+    assert regions.mouth[~astronaut.inside(LIPS_INNER)].max() < 0.6
+    rows = np.arange(512)[:, None]
+
+    def height(mask: np.ndarray) -> float:
+        return float((rows * mask).sum() / mask.sum())
+
+    assert height(regions.eyebrows) < height(regions.eyes) < height(regions.lips)
+
+
+def test_left_and_right_are_alike(astronaut: Subject, regions: Regions) -> None:
+    """On a nearly frontal face both eyes are found, of areas within a factor of 1.5."""
+    areas = [regions.eyes[astronaut.inside(eye)].sum() for eye in (RIGHT_EYE, LEFT_EYE)]
+    assert 1 / 1.5 < areas[0] / areas[1] < 1.5
+
+
+def test_hair_and_surroundings_are_no_skin(regions: Regions) -> None:
+    """The astronaut's brown hair, suit and backdrop, apart from the face: precision first.
+
+    The hair is told from skin by place: rows above 95 of the crop are all hair.
+    """
+    assert regions.skin[:95].max() < 0.2
+    assert regions.skin[:, :85].max() < 0.2
+    assert regions.skin[480:].max() < 0.2
+    assert regions.skin[250:310, 150:200].min() > 0.95  # cheek
+
+
+def test_smile_shows_teeth(astronaut: Subject, regions: Regions) -> None:
+    """The mouth region is the open smile, not lips."""
+    assert regions.mouth[astronaut.inside(LIPS_INNER)].mean() > 0.8
+
+
+def test_closed_lips_have_no_mouth(astronaut: Subject) -> None:
+    """With the inner contours together there is no mouth, and the lips fill its place."""
+    landmarks = astronaut.landmarks.copy()
+    upper, lower = list(LIPS_INNER[1:10]), list(LIPS_INNER[:10:-1])
+    landmarks[upper] = landmarks[lower] = (landmarks[upper] + landmarks[lower]) / 2
+    found = segment(astronaut.image, landmarks, astronaut.blendshapes)
+    assert found.mouth.max() == 0
+    assert found.lips[astronaut.inside(LIPS_INNER)].mean() > 0.9
+
+
+def test_parted_landmarks_on_closed_lips(astronaut: Subject) -> None:
+    """Where the landmarks part lips that show neither teeth nor dark, the mouth stays closed."""
+    image = astronaut.image.copy()
+    image[astronaut.inside(LIPS_OUTER)] = (0.35, 0.12, 0.1)
+    found = segment(image, astronaut.landmarks, astronaut.blendshapes)
+    assert found.mouth.max() == 0
+
+
+def test_closed_eyes_are_skin(astronaut: Subject) -> None:
+    """A shut lid is skin, whether the landmarks or the blink score say so."""
+    landmarks = astronaut.landmarks.copy()
+    upper, lower = list(RIGHT_EYE[1:8]), list(RIGHT_EYE[:8:-1])
+    landmarks[upper] = landmarks[lower] = (landmarks[upper] + landmarks[lower]) / 2
+    blink = {**astronaut.blendshapes, "eyeBlinkLeft": 0.95}
+    found = segment(astronaut.image, landmarks, blink)
+    assert found.eyes.max() == 0
+    assert found.skin[astronaut.inside(LEFT_EYE)].mean() > 0.9
+
+
+@pytest.mark.parametrize("lit", ["left", "right"])
+def test_hard_shadow_is_skin(astronaut: Subject, regions: Regions, lit: str) -> None:
+    """Half the face at a sixteenth of the light with a sharp edge: the face stays the same."""
+    columns = np.arange(512)
+    nose = astronaut.landmarks[4, 0]
+    bright = columns < nose if lit == "left" else columns > nose
+    image = astronaut.image * np.where(bright, 1, 0.06)[None, :, None].astype(np.float32)
+    found = segment(image, astronaut.landmarks, astronaut.blendshapes)
+    before, after = regions.face > 0.5, found.face > 0.5
+    assert (before & after).sum() / (before | after).sum() > 0.93
+
+
+def test_dark_line_across_the_bridge_is_glasses(astronaut: Subject, regions: Regions) -> None:
+    """Frames drawn around the eyes are cut out; the bare face has none."""
+    image = astronaut.image.copy()
+    eyes = [astronaut.landmarks[list(eye)].mean(axis=0) for eye in (RIGHT_EYE, LEFT_EYE)]
+    frame = np.zeros((512, 512), np.uint8)
+    for centre in eyes:
+        cv2.circle(frame, tuple(int(v) for v in centre), 38, 1, 4)
+    inner = [eyes[0] + (38, 0), eyes[1] - (38, 0)]
+    cv2.line(frame, *(tuple(int(v) for v in end) for end in inner), 1, 4)
+    image[frame > 0] = 0.01
+    found = segment(image, astronaut.landmarks, astronaut.blendshapes)
+    on_skin = (frame > 0) & (regions.skin > 0.9)
+    assert found.face[on_skin].mean() < 0.2
+    away = cv2.dilate(frame, np.ones((13, 13), np.uint8)) == 0
+    assert np.abs(found.face - regions.face)[away].mean() < 0.01
+
+
+def test_is_deterministic(astronaut: Subject, regions: Regions) -> None:
+    """Two runs are bit-identical."""
+    assert np.array_equal(astronaut.regions().weights, regions.weights)
+
+
+@pytest.mark.parametrize("resolution", [256, 1024])
+def test_resolution_does_not_matter(regions: Regions, resolution: int) -> None:
+    """The same face at half and twice the size gets the same regions."""
+    other = Subject(data.astronaut(), resolution).regions().weights
+    step = resolution / 512
+    picked = (np.arange(8, 504, 4) * step).astype(int)
+    same = np.abs(other[np.ix_(picked, picked)] - regions.weights[8:504:4, 8:504:4])
+    assert same.mean() < 0.01
+
+
+def test_uniform_image_does_not_fail() -> None:
+    """No colour tells skin from surroundings: the landmarks decide, and nothing breaks."""
+    subject = Subject(data.astronaut(), 256)
+    subject.image[:] = 0.2
+    skin = subject.regions().skin
+    assert skin[subject.inside(FACE_OVAL)].mean() > 0.6
+    assert skin[~subject.inside(FACE_OVAL)].mean() < 0.2  # the forehead may be high
+
+
+def test_wrong_shapes_are_named(astronaut: Subject) -> None:
+    """A crop that is not square, or too few landmarks, is refused in one line."""
+    with pytest.raises(FaceError, match="square"):
+        segment(np.zeros((10, 12, 3)), astronaut.landmarks, OPEN_EYES)
+    with pytest.raises(FaceError, match=r"478"):
+        segment(astronaut.image, astronaut.landmarks[:468], OPEN_EYES)
+
+
+@pytest.mark.parametrize(
+    ("name", "mouth_open"),
+    [("A_006.jpg", False), ("A_047.jpg", False), ("A_009.jpg", True), ("A_039.jpg", True)],
+)
+def test_mouths_of_real_photos(shared: Path, name: str, mouth_open: bool) -> None:
+    """Closed mouths stay closed, two-toned lips among them; teeth are found."""
+    rgb = np.asarray(Image.open(shared / "data" / "photos" / name).convert("RGB"))
+    found = Subject(rgb).regions()
+    assert (found.mouth.max() > 0.9) == mouth_open
+    assert 0.12 < found.skin.mean() < 0.45
