@@ -1,6 +1,78 @@
-"""One photo of a face in; mesh, albedo, normals and light out."""
+"""One photo of a face in; mesh, albedo, normals and light out.
+
+    import unlit
+
+    face = unlit.reconstruct("portrait.jpg")         # minutes; a Reconstruction of NumPy arrays
+    face.save("portrait")                            # maps, mesh, light, montage.png
+    picture = face.relight(unlit.lights.flash())     # (S, S, 3) linear sRGB
+    face = unlit.load("portrait")                    # the same again, to the bit
+
+Names are imported when first used, so that `import unlit` costs nothing: the renderer alone takes
+a second to load.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 from . import _runtime
 
-# Before any submodule imports drjit, which looks for LLVM when it is loaded.
+# Before anything imports drjit, which looks for LLVM when it is loaded.
 _runtime.point_to_llvm()
+
+if TYPE_CHECKING:
+    from .errors import UnlitError
+    from .optimize.schedule import PRESETS, Settings, override
+    from .output import load
+    from .photo import Photo, read_photo
+    from .pipeline import reconstruct
+    from .reconstruction import Reconstruction
+    from .scene import light as lights
+
+    __version__: str
+
+__all__ = [
+    "PRESETS",
+    "Photo",
+    "Reconstruction",
+    "Settings",
+    "UnlitError",
+    "__version__",
+    "lights",
+    "load",
+    "override",
+    "read_photo",
+    "reconstruct",
+]
+
+_MODULE = {
+    "PRESETS": "optimize.schedule",
+    "Photo": "photo",
+    "Reconstruction": "reconstruction",
+    "Settings": "optimize.schedule",
+    "UnlitError": "errors",
+    "load": "output",
+    "override": "optimize.schedule",
+    "read_photo": "photo",
+    "reconstruct": "pipeline",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        value: Any = version("unlit")
+    elif name == "lights":
+        value = importlib.import_module(".scene.light", __name__)
+    elif name in _MODULE:
+        value = getattr(importlib.import_module(f".{_MODULE[name]}", __name__), name)
+    else:
+        raise AttributeError(f"module 'unlit' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -6,16 +6,17 @@ import resource
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import drjit as dr
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from ._runtime import mitsuba
-from .color import encode_srgb
 from .errors import FaceError
-from .head.fit import HeadFit, fit_head
+from .head.fit import fit_head
 from .head.model import HeadModel, default_model
 from .optimize.problem import Estimate, Evidence, Problem, Progress, Shading
 from .optimize.schedule import PRESETS, Settings, as_dict
@@ -35,15 +36,43 @@ mi = mitsuba()
 PORTRAIT_DISTANCE = 100.0
 CROP_WIDTH = 26.5
 
-#: sRGB-encoded values from which a channel counts as saturated, and below which as crushed.
-SATURATED = 0.996
-CRUSHED = 0.004
-
 Preview = Callable[[str, Reconstruction], None]
 
 
 def _silent(stage: str, iteration: int, iterations: int, loss: float) -> None:
     pass
+
+
+@dataclass(frozen=True)
+class Capture:
+    """A photo's face crop and what perception says of it, at the crop's size S x S.
+
+    image: (S, S, 3) linear sRGB. landmarks: (478, 3) crop pixels. Together with `camera`, all
+    that the later steps see of the photo.
+    """
+
+    photo_name: str
+    image: np.ndarray
+    camera: Camera
+    crop: Crop
+    regions: Regions
+    landmarks: np.ndarray
+
+
+@dataclass(frozen=True)
+class Head:
+    """The mesh the stages start from, in the world frame, cm, with its layout and landmarks.
+
+    Arrays as in HeadModel and HeadFit; landmark_residual is None for a mesh that was not fitted.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    uv: np.ndarray
+    triangle_uv: np.ndarray
+    landmark_triangle: np.ndarray
+    landmark_barycentric: np.ndarray
+    landmark_residual: float | None = None
 
 
 def reconstruct(
@@ -67,49 +96,88 @@ def reconstruct(
     """
     clock = _Clock()
     progress("photo", 0, 1, 0.0)
-    photo = _as_photo(photo)
+    loaded = _as_photo(photo)
     clock.lap("photo")
     progress("perception", 0, 1, 0.0)
-    found = choose(find_faces(photo.encoded8()), face, photo.source)
-    height, width = photo.pixels.shape[:2]
-    crop = face_crop(found.landmarks, settings.resolution, (width, height))
-    image = np.maximum(crop.image(photo.pixels), 0).astype(np.float32)
-    landmarks = in_crop(found, crop)
-    regions = segment(image, landmarks, found.blendshapes)
+    capture = observe(loaded, settings.resolution, face)
     clock.lap("perception")
     progress("fit", 0, 1, 0.0)
-    camera = crop_camera(photo, crop)
-    model = model or default_model()
-    fit = fit_head(model, landmarks, camera)
+    head = fitted_head(capture, model or default_model())
     clock.lap("fit")
-    problem = Problem(
-        evidence(image, regions, camera, landmarks, model, fit), settings, progress
-    )
-    history: dict[str, Any] = {"landmark_residual": fit.landmark_residual}
+    return solve(capture, head, settings, progress, preview, clock)
 
-    def result(stage: str, estimate: Estimate, shading: Shading | None) -> Reconstruction:
+
+def observe(
+    photo: Photo, resolution: int, face: str | int = "only", camera: Camera | None = None
+) -> Capture:
+    """Find the face, cut it out, and segment it.
+
+    With `camera` the photo is taken as the crop itself, as seen by that camera. Raises FaceError.
+    """
+    found = choose(find_faces(photo.encoded8()), face, photo.source)
+    height, width = photo.pixels.shape[:2]
+    if camera is None:
+        crop = face_crop(found.landmarks, resolution, (width, height))
+        camera = crop_camera(photo, crop)
+    else:
+        crop = Crop(np.eye(2, 3), camera.width)
+    image = np.maximum(crop.image(photo.pixels), 0).astype(np.float32)
+    xy = crop.points(found.landmarks[:, :2])
+    landmarks = np.column_stack([xy, found.landmarks[:, 2] * crop.scale])
+    regions = segment(image, landmarks, found.blendshapes)
+    return Capture(Path(photo.source).name, image, camera, crop, regions, landmarks)
+
+
+def fitted_head(capture: Capture, model: HeadModel) -> Head:
+    """`model` fitted to the capture's landmarks. Raises FaceError."""
+    fit = fit_head(model, capture.landmarks, capture.camera)
+    return Head(
+        fit.vertices,
+        model.triangles,
+        model.uv,
+        model.triangle_uv,
+        model.landmark_triangle,
+        model.landmark_barycentric,
+        fit.landmark_residual,
+    )
+
+
+def solve(
+    capture: Capture,
+    head: Head,
+    settings: Settings,
+    progress: Progress = _silent,
+    preview: Preview | None = None,
+    clock: _Clock | None = None,
+) -> Reconstruction:
+    """The five stages on one capture, starting from the mesh `head`."""
+    lap = clock or _Clock()
+    problem = Problem(evidence(capture, head), settings, progress)
+
+    def result(estimate: Estimate, shading: Shading | None) -> Reconstruction:
         metrics = {
-            **history,
+            "landmark_residual": head.landmark_residual,
             "losses": problem.history,
-            "seconds": dict(clock.laps),
+            "seconds": dict(lap.laps),
             "peak_memory_mb": _peak_memory(),
         }
-        return _result(
-            problem, estimate, shading, image, regions, crop, photo, model, settings, metrics
-        )
+        return _result(capture, head, problem, estimate, shading, metrics)
 
     def after(stage: str, estimate: Estimate, shading: Shading) -> None:
-        clock.lap(stage)
+        lap.lap(stage)
         if preview is not None:
-            preview(stage, result(stage, estimate, shading))
-            clock.lap("preview")
+            preview(stage, result(estimate, shading))
+            lap.lap("preview")
 
     if preview is not None:
-        preview("fit", result("fit", start(problem), None))
-        clock.lap("preview")
-    estimate, shading = run_stages(problem, after)
+        preview("fit", result(start(problem), None))
+        lap.lap("preview")
+    # Two pools of threads that both spin while waiting cost 2 to 7 times the time: the cores
+    # belong to Dr.Jit, and BLAS is called from two threads of our own (render/transport.py).
+    with threadpool_limits(1, user_api="blas"):
+        estimate, shading = run_stages(problem, after)
     progress("finish", 0, 1, 0.0)
-    return result("finish", estimate, shading)
+    return result(estimate, shading)
 
 
 def _as_photo(photo: str | Path | Photo | np.ndarray) -> Photo:
@@ -142,12 +210,6 @@ def choose(faces: list[Face], which: str | int, source: str) -> Face:
                     f"{len(faces) - 1}")
 
 
-def in_crop(face: Face, crop: Crop) -> np.ndarray:
-    """The face's landmarks (478, 3) in crop pixels, z scaled alike."""
-    xy = crop.points(face.landmarks[:, :2])
-    return np.column_stack([xy, face.landmarks[:, 2] * crop.scale])
-
-
 def crop_camera(photo: Photo, crop: Crop) -> Camera:
     """The photo's pinhole camera restricted to the crop; a portrait's where EXIF says nothing."""
     size = crop.resolution
@@ -158,43 +220,30 @@ def crop_camera(photo: Photo, crop: Crop) -> Camera:
     return Camera(size, size, photo.focal * crop.scale, float(cx), float(cy))
 
 
-def evidence(
-    image: np.ndarray,
-    regions: Regions,
-    camera: Camera,
-    landmarks: np.ndarray,
-    model: HeadModel,
-    fit: HeadFit,
-) -> Evidence:
-    """What the optimisation may use of the photo: soft masks, trust per pixel, fitted mesh."""
-    encoded = encode_srgb(image)
-    exposed = (encoded.max(axis=2) < SATURATED) & (encoded.max(axis=2) > CRUSHED)
-    mask = regions.face > 0.5
+def evidence(capture: Capture, head: Head) -> Evidence:
+    """What the optimisation may use of the photo: soft masks, trust per pixel, the mesh."""
+    face = capture.regions.face
     return Evidence(
-        image=image,
-        regions=regions.weights[..., :4],
-        mask=mask,
-        weight=(regions.face * exposed).astype(np.float32),
-        camera=camera,
-        vertices=fit.vertices,
-        triangles=model.triangles,
-        landmarks=landmarks[:, :2],
-        landmark_triangle=model.landmark_triangle,
-        landmark_barycentric=model.landmark_barycentric,
-        landmark_weight=(model.landmark_triangle >= 0).astype(np.float32),
+        image=capture.image,
+        regions=capture.regions.weights[..., :4],
+        mask=face > 0.5,
+        weight=face,
+        camera=capture.camera,
+        vertices=head.vertices,
+        triangles=head.triangles,
+        landmarks=capture.landmarks[:, :2],
+        landmark_triangle=head.landmark_triangle,
+        landmark_barycentric=head.landmark_barycentric,
+        landmark_weight=(head.landmark_triangle >= 0).astype(np.float32),
     )
 
 
 def _result(
+    capture: Capture,
+    head: Head,
     problem: Problem,
     estimate: Estimate,
     shading: Shading | None,
-    image: np.ndarray,
-    regions: Regions,
-    crop: Crop,
-    photo: Photo,
-    model: HeadModel,
-    settings: Settings,
     metrics: dict[str, Any],
 ) -> Reconstruction:
     """Exact shading of `estimate` and everything else as NumPy arrays."""
@@ -218,16 +267,16 @@ def _result(
         e_image, s_image = problem.image(e, "zero"), problem.image(s, "zero")
         render = maps.diffuse_albedo * e_image + maps.specular_albedo[..., None] * s_image
     mask = np.zeros(shape, dtype=np.float32)
-    mask.ravel()[problem.pixel] = regions.face.ravel()[problem.pixel]
+    mask.ravel()[problem.pixel] = capture.regions.face.ravel()[problem.pixel]
     return Reconstruction(
-        photo_name=Path(photo.source).name,
-        image=image,
-        camera=problem.camera,
-        crop=crop,
+        photo_name=capture.photo_name,
+        image=capture.image,
+        camera=capture.camera,
+        crop=capture.crop,
         vertices=np.ascontiguousarray(estimate.vertices.numpy().T),
-        triangles=model.triangles,
-        uv=model.uv,
-        triangle_uv=model.triangle_uv,
+        triangles=head.triangles,
+        uv=head.uv,
+        triangle_uv=head.triangle_uv,
         diffuse_albedo=maps.diffuse_albedo,
         specular_albedo=maps.specular_albedo,
         roughness=maps.roughness,
@@ -238,9 +287,9 @@ def _result(
         specular_shading=s_image,
         render=render,
         mask=mask,
-        regions=regions.weights,
+        regions=capture.regions.weights,
         light=light,
-        settings=as_dict(settings),
+        settings=as_dict(problem.settings),
         metrics=metrics,
     )
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .photo import Crop
 from .scene.camera import Camera
 from .scene.light import SphericalGaussians
+
+if TYPE_CHECKING:
+    from .render.relight import Relighter
 
 
 @dataclass(frozen=True)
@@ -62,9 +66,13 @@ class Reconstruction:
         scene/camera.py, or spherical Gaussians. Deterministic, with self-shadowing and
         inter-reflection.
         """
-        from .render.relight import relight
+        return self._relighter(light)
 
-        return relight(self, light)
+    @cached_property
+    def _relighter(self) -> Relighter:
+        from .render.relight import Relighter
+
+        return Relighter(self)
 
     def save(self, folder: str | Path) -> None:
         """Write every map, mesh, preview and the montage to `folder`, atomically.

@@ -120,7 +120,7 @@ class _Caster:
         """Triangle (N,) int32, barycentrics (N, 3) float32, hit points (N, 3) under `xy` (N, 2)."""
         mi = mitsuba()
         # Symmetric heads have a row of edges at x = 0, between whose triangles rays slip through.
-        xy = np.asarray(xy, dtype=np.float32) + np.float32(_NUDGE)
+        xy = np.asarray(xy, dtype=np.float32) + np.array(_NUDGE, dtype=np.float32)
         ray = mi.Ray3f(
             mi.Point3f(mi.Float(xy[:, 0]), mi.Float(xy[:, 1]), 100.0), mi.Vector3f(0, 0, -1)
         )
@@ -232,7 +232,7 @@ def _symmetrised(points: np.ndarray) -> np.ndarray:
     result = points.copy()
     result[known] = (points[known] + mirrored[known][linear_sum_assignment(cost)[1]]) / 2
     # Upper and lower points of closed lips lie too close together for the assignment.
-    for row in zip(*_LIP_PAIRS, strict=True):
+    for row in (LIPS_INNER[:11], LIPS_INNER[11:]):
         result[list(row)] = (points[list(row)] + mirrored[list(row[::-1])]) / 2
     return result
 
@@ -258,7 +258,7 @@ def _move_to_lid_rim(
 
 
 def _move_to_lip_rim(caster: _Caster, points: np.ndarray) -> None:
-    """Move the pairs of inner lip points apart to the two edges of the gap, if there is one."""
+    """Move the inner lip points to the edges of the gap, if there is one, pairs and corners."""
     for upper, lower in _LIP_PAIRS:
         middle = (points[upper] + points[lower]) / 2
         reach, steps = 0.4, 400
@@ -269,6 +269,14 @@ def _move_to_lip_rim(caster: _Caster, points: np.ndarray) -> None:
         if len(inside):
             points[lower], points[upper] = hits[inside[0] - 1], hits[inside[-1] + 1]
             points[lower, :2], points[upper, :2] = path[inside[0] - 1], path[inside[-1] + 1]
+    middle = np.mean([points[list(pair), :2].mean(axis=0) for pair in _LIP_PAIRS], axis=0)
+    for corner in (LIPS_INNER[0], LIPS_INNER[10]):
+        path, (_, _, hits) = _march(caster, middle, 1.3 * (points[corner, :2] - middle) / 400, 400)
+        front = np.nanmax(hits[:, 2])
+        inside = np.flatnonzero(hits[:, 2] < front - 2.0)
+        if len(inside) and inside[-1] < 400:
+            points[corner] = hits[inside[-1] + 1]
+            points[corner, :2] = path[inside[-1] + 1]
 
 
 def main() -> None:

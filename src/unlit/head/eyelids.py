@@ -19,29 +19,33 @@ _CLEARANCE = 0.02
 _LARGEST_RADIUS = 2.0
 
 
-def lids_outside_eyes(model: HeadModel, vertices: np.ndarray) -> np.ndarray:
-    """Vertices (V, 3), model frame, with what sank into an eyeball moved out to its surface.
+def eyeballs(model: HeadModel) -> list[np.ndarray]:
+    """Vertex masks (V,) of the right and the left eyeball: the pieces that carry the irises.
 
-    An eyeball is the connected piece of the mesh that carries the landmark of the iris. Models
-    whose eyes are part of the skin are left alone.
+    Fewer where the model has none, or where its eyes are part of the skin.
     """
-    edges = model.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    count = len(vertices)
+    edges = model.triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
+    count = len(model.neutral)
     graph = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
     piece = connected_components(graph, directed=False)[1]
+    carriers = [model.landmark_triangle[iris] for iris in _IRISES]
+    balls = [piece == piece[model.triangles[carrier, 0]] for carrier in carriers if carrier >= 0]
+    return [ball for ball in balls if _sphere(model.neutral[ball])[1] < _LARGEST_RADIUS]
+
+
+def lids_outside_eyes(model: HeadModel, vertices: np.ndarray) -> np.ndarray:
+    """Vertices (V, 3), model frame, with what sank into an eyeball moved out to its surface."""
     moved = vertices.copy()
-    for iris in _IRISES:
-        triangle = model.landmark_triangle[iris]
-        if triangle < 0:
-            continue
-        ball = piece == piece[model.triangles[triangle, 0]]
-        centre = vertices[ball].mean(axis=0)
-        radius = np.linalg.norm(vertices[ball] - centre, axis=-1)
-        if radius.max() > _LARGEST_RADIUS:
-            continue
+    for ball in eyeballs(model):
+        centre, radius = _sphere(vertices[ball])
         arm = moved - centre
         distance = np.linalg.norm(arm, axis=-1)
-        surface = radius.max() + _CLEARANCE
+        surface = radius + _CLEARANCE
         sunk = ~ball & (distance < surface)
         moved[sunk] = centre + arm[sunk] * (surface / np.maximum(distance[sunk], 1e-6))[:, None]
     return moved
+
+
+def _sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    return centre, float(np.linalg.norm(points - centre, axis=-1).max())

@@ -159,7 +159,7 @@ class _Problem:
         self.neutral = carried(model.neutral[None])[0]  # (L, 3)
         self.basis = np.concatenate([carried(model.identity), carried(model.expression)])
         self.frames, self.weights = self._trust()
-        place = {landmark: index for index, landmark in enumerate(self.used)}
+        place = {int(landmark): index for index, landmark in enumerate(self.used)}
         gaps = [pair for pair in _GAPS if pair[0] in place and pair[1] in place]
         self.gaps = np.array([[place[a], place[b]] for a, b in gaps], dtype=int).reshape(-1, 2)
 

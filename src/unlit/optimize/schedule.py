@@ -75,24 +75,29 @@ class Settings:
     max_sharpness: float = 600.0
     #: Starting specular albedo of every region.
     start_specular: float = 0.7
-    #: Range of the specular albedo: a factor on a lobe whose Fresnel value is skin's own.
-    max_specular: float = 2.0
+    #: Upper bound of the specular albedo; far above any skin's, because albedo and light share
+    #: one unknown gain.
+    max_specular: float = 20.0
+    #: Factors on Table 1's weights of smoothness and of the normal perturbation: how the paper
+    #: normalises these terms is not given.
+    smoothness_scale: float = 1.0
+    normal_scale: float = 1.0
 
     #: Rank of the transport's factorisation: diffuse, specular.
     diffuse_rank: int = 96
     specular_rank: int = 160
-    #: Points of the face that stage 1 looks at.
-    stage1_points: int = 8000
+    #: Pixels, evenly spread, from which the light's gradient is taken.
+    light_points: int = 8000
     #: Cells of the light: rows, columns of the regular grid; split further where the light is
     #: steep, up to `max_cells`, after stage 1.
     cell_rows: int = 18
     cell_columns: int = 36
     max_cells: int = 1000
 
-    #: Inter-reflections that are rendered, and how often (iterations) they are updated.
+    #: Inter-reflections that are rendered.
     bounces: int = 3
-    bounce_interval: int = 50
-    #: Iterations between two re-linearisations of the shading in the normals (stages 3 to 5).
+    #: Iterations between two updates of what is held constant in between: the shading that the
+    #: maps see, its linearisation in the normals, the indirect light.
     refresh_interval: int = 25
     #: Largest vertex motion (cm) before visibility is traced anew in stage 3.
     retrace_distance: float = 0.05
@@ -109,10 +114,6 @@ class Settings:
     lips_roughness: float = ROUGHNESS["lips"]
     eyes_roughness: float = ROUGHNESS["eyes"]
     eyebrows_roughness: float = ROUGHNESS["eyebrows"]
-
-    def ranks(self) -> tuple[int, int]:
-        """Ranks of the diffuse and the specular transport."""
-        return self.diffuse_rank, self.specular_rank
 
     def stages(self) -> tuple[Stage, Stage, Stage, Stage, Stage]:
         """The five stages in order."""

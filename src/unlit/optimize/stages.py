@@ -15,7 +15,7 @@ import drjit as dr
 import numpy as np
 
 from .._runtime import mitsuba
-from ..render.transport import Transport, linearize, visibility
+from ..render.transport import linearize
 from ..scene.cells import Cells, grid_cells, refine
 from ..scene.light import grid_lobes
 from ..scene.lobes import CellRadiance
@@ -24,7 +24,7 @@ from ..scene.mesh import surface, vertex_normals
 from .blur import Blur
 from .losses import image_l1, landmark_l2, normal_l2, shape_l2, total_variation
 from .optimizer import Adam
-from .problem import Estimate, Problem, Shading
+from .problem import Estimate, LightSample, Problem, Shading
 from .schedule import Settings, Stage
 
 mi = mitsuba()
@@ -99,10 +99,13 @@ class _Run:
             uniform,
         )
 
-    def step(self, iteration: int, loss: Any) -> None:
-        """Back-propagate `loss`, take one step, keep the parameters in range, report."""
+    def step(self, iteration: int, loss: Any, light_loss: Any = None) -> None:
+        """Back-propagate, take one step, keep the parameters in range, report `loss`.
+
+        light_loss: a further loss, of parameters that `loss` does not depend on.
+        """
         adam, settings = self.adam, self.settings
-        dr.backward(loss)
+        dr.backward(loss if light_loss is None else loss + light_loss)
         adam.step()
         if "axis" in adam.rates:
             low, high = np.log(settings.min_sharpness), np.log(settings.max_sharpness)
@@ -122,86 +125,68 @@ class _Run:
 
 def _smoothness(stage: Stage, problem: Problem, log_diffuse: Any, log_specular: Any) -> Any:
     """Smoothness of both albedo maps per texel (section 3.2)."""
-    return stage.diffuse_smoothness * total_variation(
-        log_diffuse, problem.neighbours
-    ) + stage.specular_smoothness * total_variation(log_specular, problem.neighbours)
+    diffuse = stage.diffuse_smoothness * total_variation(log_diffuse, problem.neighbours)
+    specular = stage.specular_smoothness * total_variation(log_specular, problem.neighbours)
+    return problem.settings.smoothness_scale * (diffuse + specular)
 
 
 def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     """Base colour and light: one diffuse and one specular albedo per region (section 3.1).
 
-    With an albedo that cannot vary inside a region, shading has to be explained by the light. An
-    even sample of the pixels is enough for so few unknowns.
+    With an albedo that cannot vary inside a region, shading has to be explained by the light. A
+    sample of the pixels is enough for so few unknowns.
     """
-    settings = problem.settings
-    sample = np.unique(np.linspace(0, len(problem) - 1, settings.stage1_points).astype(np.uint32))
-    index = mi.UInt32(sample)
-    points = shading.points.gather(index)
-    bits = visibility(problem.mesh.scene, points, shading.directions)
-    transport = Transport(points, shading.directions, bits, settings.ranks())
+    settings, stage = problem.settings, problem.settings.stage1
+    sample = LightSample(problem, shading)
     cells = CellRadiance(shading.cells)
-    target = dr.gather(mi.Color3f, problem.target, index)
-    weight = dr.gather(mi.Float, problem.weight, index)
-    weight /= dr.sum(weight)
     everywhere = [mi.Float(np.ascontiguousarray(r)) for r in problem.regions.T]
-    masks = [dr.gather(mi.Float, r, index) for r in everywhere]
+    masks = [sample.of(r) for r in everywhere]
 
-    diffuse, specular = _base_start(problem, transport, cells, estimate, sample)
+    diffuse, specular = _base_start(problem, sample, cells, estimate)
     run = _Run(
         problem,
         "stage1",
         {**_light_parameters(estimate), "log_diffuse": diffuse, "log_specular": specular},
-        {
-            **_light_rates(problem.settings.stage1),
-            "log_diffuse": problem.settings.stage1.rate,
-            "log_specular": problem.settings.stage1.rate,
-        },
+        {**_light_rates(stage), "log_diffuse": stage.rate, "log_specular": stage.rate},
     )
     adam = run.adam
-    indirect: list[Any] = []
-    for iteration in range(run.stage.iterations):
+
+    def spread() -> Estimate:
+        return replace(
+            run.result(estimate, *_light_parameters(estimate)),
+            log_diffuse=dr.detach(_spread(everywhere, adam["log_diffuse"])),
+            log_specular=dr.detach(_spread(everywhere, adam["log_specular"])),
+        )
+
+    for iteration in range(stage.iterations):
         radiance = _radiance(cells, adam)
-        if iteration % settings.bounce_interval == 0:
-            current = replace(
-                estimate,
-                log_diffuse=_spread(everywhere, adam["log_diffuse"]),
-                log_specular=_spread(everywhere, adam["log_specular"]),
-            )
-            shading.update(dr.detach(radiance).numpy(), problem.maps(current))
-            indirect = [dr.gather(mi.Color3f, i, index) for i in shading.indirect]
-        e, s = transport.shade(radiance)
+        if iteration % settings.refresh_interval == 0:
+            shading.update(dr.detach(radiance).numpy(), problem.maps(spread()))
+        e, s = sample.transport.shade(radiance)
         image = _render(
             _spread(masks, adam["log_diffuse"]),
             _spread(masks, adam["log_specular"]),
-            e + indirect[0],
-            s + indirect[1],
+            e + sample.of(shading.indirect[0]),
+            s + sample.of(shading.indirect[1]),
         )
-        run.step(iteration, run.stage.image * image_l1(image, target, weight))
-
-    estimate = run.result(estimate, *_light_parameters(estimate))
-    return replace(
-        estimate,
-        log_diffuse=dr.detach(_spread(everywhere, adam["log_diffuse"])),
-        log_specular=dr.detach(_spread(everywhere, adam["log_specular"])),
-    )
+        run.step(iteration, stage.image * image_l1(image, sample.target, sample.weight))
+    return spread()
 
 
 def _base_start(
-    problem: Problem, transport: Transport, cells: CellRadiance, estimate: Estimate, sample: Any
+    problem: Problem, sample: LightSample, cells: CellRadiance, estimate: Estimate
 ) -> tuple[Any, Any]:
     """Log base colours that give each region its median colour under the starting light."""
-    light = estimate.light()
-    e, _ = transport.shade(mi.Float(cells.of(light)))
-    image = problem.evidence.image.reshape(-1, 3)[problem.pixel[sample]]
+    e, _ = sample.transport.shade(mi.Float(cells.of(estimate.light())))
+    image = problem.evidence.image.reshape(-1, 3)[problem.pixel[sample.rows]]
     level = float(np.median(e.numpy()))
     colours = []
-    for share in problem.regions[sample].T:
+    for share in problem.regions[sample.rows].T:
         inside = share > 0.5
         colours.append(np.median(image[inside if inside.any() else slice(None)], axis=0) / level)
+    log_colours = np.log(np.maximum(np.array(colours), 1e-3)).astype(np.float32)
     specular = np.full(len(colours), np.log(problem.settings.start_specular), dtype=np.float32)
-    return mi.Color3f(np.log(np.maximum(np.array(colours), 1e-3)).T.astype(np.float32).copy()), (
-        mi.Float(specular)
-    )
+    return mi.Color3f(np.ascontiguousarray(log_colours.T)), mi.Float(specular)
 
 
 def _spread(masks: list[Any], log_base: Any) -> Any:
@@ -211,38 +196,50 @@ def _spread(masks: list[Any], log_base: Any) -> Any:
     return dr.log(sum(m * dr.gather(kind, base, mi.UInt32(k)) for k, m in enumerate(masks)))
 
 
+def _light_loss(
+    sample: LightSample, shading: Shading, adam: Adam, e: Any, s: Any
+) -> Any:
+    """Image loss of the sampled pixels as a function of the light alone, the maps as they are."""
+    image = _render(
+        sample.of(dr.detach(adam["log_diffuse"])),
+        sample.of(dr.detach(adam["log_specular"])),
+        e + sample.of(shading.indirect[0]),
+        s + sample.of(shading.indirect[1]),
+    )
+    return image_l1(image, sample.target, sample.weight)
+
+
 def stage2(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
-    """Low-frequency albedo: maps under strong smoothness, jointly with the light (section 3.2)."""
-    settings = problem.settings
-    transport = Transport(shading.points, shading.directions, shading.bits, settings.ranks())
+    """Low-frequency albedo: maps under strong smoothness, jointly with the light (section 3.2).
+
+    The light follows the image loss of a sample of the pixels at every iteration; the maps see
+    its shading on all pixels, brought up to date every `refresh_interval` iterations.
+    """
+    settings, stage = problem.settings, problem.settings.stage2
+    sample = LightSample(problem, shading)
     cells = CellRadiance(shading.cells)
-    stage = settings.stage2
+    names = ("log_diffuse", "log_specular", *_light_parameters(estimate))
     run = _Run(
         problem,
         "stage2",
-        {
-            **_light_parameters(estimate),
-            "log_diffuse": estimate.log_diffuse,
-            "log_specular": estimate.log_specular,
-        },
+        {name: getattr(estimate, name) for name in names},
         {**_light_rates(stage), "log_diffuse": stage.rate, "log_specular": stage.rate},
     )
     adam = run.adam
-    names = ("log_diffuse", "log_specular", *_light_parameters(estimate))
+    e: Any = None
+    s: Any = None
     for iteration in range(stage.iterations):
         radiance = _radiance(cells, adam)
-        if iteration % settings.bounce_interval == 0:
-            shading.update(dr.detach(radiance).numpy(), problem.maps(run.result(estimate, *names)))
-        e, s = transport.shade(radiance)
-        image = _render(
-            adam["log_diffuse"],
-            adam["log_specular"],
-            e + shading.indirect[0],
-            s + shading.indirect[1],
-        )
+        if iteration % settings.refresh_interval == 0:
+            known = dr.detach(radiance).numpy()
+            shading.update(known, problem.maps(run.result(estimate, *names)))
+            e, s = shading.shade(known)
+            dr.eval(e, s)
+        image = _render(adam["log_diffuse"], adam["log_specular"], e, s)
         loss = stage.image * image_l1(image, problem.target, problem.weight)
         loss += _smoothness(stage, problem, adam["log_diffuse"], adam["log_specular"])
-        run.step(iteration, loss)
+        lit = _light_loss(sample, shading, adam, *sample.transport.shade(radiance))
+        run.step(iteration, loss, stage.image * lit)
     return run.result(estimate, *names)
 
 
@@ -250,22 +247,20 @@ def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate
     """Shape: vertices through the large-steps preconditioner, textures in image space (3.3).
 
     Shading is linearised in the normals and refreshed every `refresh_interval` iterations; rays
-    are traced anew, and the light's transport with them, once a vertex has moved by
-    `retrace_distance`.
+    are traced anew once a vertex has moved by `retrace_distance`. The light is followed as in
+    stage 2, on transport that is corrected at each refresh for the normals' turn since then.
     """
     settings, stage = problem.settings, problem.settings.stage3
+    triangles = problem.mesh.triangles
     begin = mi.Point3f(estimate.vertices)
     fitted = mi.Point3f(np.ascontiguousarray(problem.evidence.vertices.T, dtype=np.float32))
-    steps = mi.ad.LargeSteps(
-        dr.ravel(begin), dr.ravel(problem.mesh.triangles), settings.shape_lambda
-    )
+    steps = mi.ad.LargeSteps(dr.ravel(begin), dr.ravel(triangles), settings.shape_lambda)
+    names = ("log_diffuse", "log_specular", *_light_parameters(estimate))
     run = _Run(
         problem,
         "stage3",
         {
-            **_light_parameters(estimate),
-            "log_diffuse": estimate.log_diffuse,
-            "log_specular": estimate.log_specular,
+            **{name: getattr(estimate, name) for name in names},
             "latent": mi.Float(steps.to_differential(dr.ravel(begin))),
         },
         {
@@ -279,12 +274,11 @@ def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate
     adam = run.adam
     landmarks = Landmarks(problem)
     of_lobes = CellRadiance(cells)
-    names = ("log_diffuse", "log_specular", *_light_parameters(estimate))
     shading = Shading(problem, cells)
-    transport = Transport(shading.points, shading.directions, shading.bits, settings.ranks())
+    sample = LightSample(problem, shading)
     traced = begin
     local: Any = None
-    known: Any = None
+    turned: tuple[Any, Any] = (0.0, 0.0)
     for iteration in range(stage.iterations):
         vertices = dr.unravel(mi.Point3f, steps.from_differential(adam["latent"]))
         radiance = _radiance(of_lobes, adam)
@@ -294,31 +288,31 @@ def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate
             if moved > settings.retrace_distance:
                 traced = dr.detach(vertices)
                 shading = Shading(problem, cells)
-                transport = Transport(
-                    shading.points, shading.directions, shading.bits, settings.ranks()
-                )
+                sample = LightSample(problem, shading)
             else:
                 shading.points = problem.points()
             known = dr.detach(radiance)
             shading.update(known.numpy(), problem.maps(run.result(estimate, *names)))
             local = linearize(shading.points, shading.directions, shading.bits, known.numpy())
-        normals = vertex_normals(vertices, problem.mesh.triangles)
-        _, normal, _ = surface(
-            problem.camera, problem.hits, vertices, normals, problem.mesh.triangles
-        )
+            e, s = sample.transport.shade(known)
+            turned = (sample.of(local.diffuse) - e, sample.of(local.specular) - s)
+            dr.eval(turned)
+        normals = vertex_normals(vertices, triangles)
+        _, normal, _ = surface(problem.camera, problem.hits, vertices, normals, triangles)
         e, s = local.shade(normal, normal)
-        change_e, change_s = transport.shade(radiance - known)
         image = _render(
             adam["log_diffuse"],
             adam["log_specular"],
-            dr.fmax(e + change_e, 0) + shading.indirect[0],
-            dr.fmax(s + change_s, 0) + shading.indirect[1],
+            e + shading.indirect[0],
+            s + shading.indirect[1],
         )
         loss = stage.image * image_l1(image, problem.target, problem.weight)
         loss += _smoothness(stage, problem, adam["log_diffuse"], adam["log_specular"])
         loss += stage.landmark * landmarks.loss(vertices)
         loss += stage.shape * shape_l2(vertices, fitted, settings.shape_unit)
-        run.step(iteration, loss)
+        e, s = sample.transport.shade(radiance)
+        lit = _light_loss(sample, shading, adam, e + turned[0], s + turned[1])
+        run.step(iteration, loss, stage.image * lit)
 
     vertices = dr.detach(dr.unravel(mi.Point3f, steps.from_differential(adam["latent"])))
     problem.move(vertices)
@@ -362,7 +356,7 @@ def _normals_and_albedo(
         )
         loss = stage.image * image_l1(image, problem.target, problem.weight)
         loss += _smoothness(stage, problem, adam["log_diffuse"], adam["log_specular"])
-        loss += stage.normal * normal_l2(perturbation)
+        loss += stage.normal * settings.normal_scale * normal_l2(perturbation)
         run.step(iteration, loss)
     return run.result(estimate, *names)
 
@@ -394,7 +388,9 @@ class Landmarks:
         self.camera = problem.camera
 
     def loss(self, vertices: Any) -> Any:
-        """Mean squared distance in units of the crop's width."""
+        """Mean squared distance in units of the crop's width; 0 without landmarks."""
+        if not dr.width(self.weight):
+            return mi.Float(0)
         camera = self.camera
         point = sum(
             dr.gather(mi.Point3f, vertices, self.corner[i]) * self.share[i] for i in range(3)

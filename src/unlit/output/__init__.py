@@ -1,1 +1,18 @@
+"""The folder of results: written whole or not at all, loaded again to the bit."""
 
+from .folder import reserve, write_one
+from .load import load
+from .montage import montage, montage_png, preview_png
+from .save import FILES, needed_bytes, save
+
+__all__ = [
+    "FILES",
+    "load",
+    "montage",
+    "montage_png",
+    "needed_bytes",
+    "preview_png",
+    "reserve",
+    "save",
+    "write_one",
+]

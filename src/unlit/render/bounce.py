@@ -15,6 +15,7 @@ the cosine-weighted and H the specular-lobe-weighted form factors towards the ca
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,39 +63,49 @@ class FormFactors:
     specular: sparse.csr_matrix
 
 
-def _reflectance(cosine: Any, alpha: Any) -> Any:
-    """Dr.Jit interpolation of the lobe's reflectance in a table over roughness and cosine."""
-    alphas = np.linspace(0.05, 0.8, 24)
-    cosines = (np.arange(32) + 0.5) / 32
-    table = mi.Texture2f(
-        mi.TensorXf(reflectance_table(alphas, cosines)[..., None]),
-        filter_mode=dr.FilterMode.Linear,
-        wrap_mode=dr.WrapMode.Clamp,
+@functools.cache
+def _reflectance_texture() -> tuple[Any, float, float, int]:
+    alphas = np.linspace(0.05, 0.65, 13)
+    cosines = (np.arange(24) + 0.5) / 24
+    table = reflectance_table(alphas, cosines)
+    texture = mi.Texture2f(
+        mi.TensorXf(table[..., None]), filter_mode=dr.FilterMode.Linear, wrap_mode=dr.WrapMode.Clamp
     )
-    v = (alpha - alphas[0]) / (alphas[-1] - alphas[0]) * (len(alphas) - 1) + 0.5
-    return table.eval(mi.Point2f(cosine, v / len(alphas)))[0]
+    return texture, alphas[0], alphas[-1], len(alphas)
 
 
-def form_factors(mesh: Mesh, points: Points, count: int = 256) -> FormFactors:
-    """Trace `count` directions from every vertex and record which triangles they end on.
+def _reflectance(cosine: Any, alpha: Any) -> Any:
+    """The lobe's reflectance (mi.Float), interpolated in a table over roughness and cosine."""
+    texture, first, last, count = _reflectance_texture()
+    v = (alpha - first) / (last - first) * (count - 1) + 0.5
+    return texture.eval(mi.Point2f(cosine, v / count))[0]
 
-    points: the mesh's vertices as shading points, width V. A ray that meets a triangle from
-    behind carries no light.
+
+def form_factors(mesh: Mesh, points: Points, seen: np.ndarray, count: int = 256) -> FormFactors:
+    """Trace `count` directions from the vertices `seen` and record which triangles they end on.
+
+    points: the mesh's vertices as shading points, width V; seen: indices of those that receive,
+    the camera's side of the head (light that bounced twice by way of a hidden part is left out).
+    A ray that meets a triangle from behind carries no light.
     """
-    vertices = len(points)
+    vertices, receivers = len(points), len(seen)
     lattice = sphere_directions(count)
     directions = mi.Vector3f(np.ascontiguousarray(lattice.T))
-    index = dr.arange(mi.UInt32, vertices * count)
-    n = dr.gather(mi.Vector3f, points.diffuse_normal, index % vertices)
-    towards = dr.gather(mi.Vector3f, directions, index // vertices)
-    start = dr.gather(mi.Point3f, points.position, index % vertices) + OFFSET * n
+    index = dr.arange(mi.UInt32, receivers * count)
+    receiver = dr.gather(mi.UInt32, mi.UInt32(seen.astype(np.uint32)), index % receivers)
+    n = dr.gather(mi.Vector3f, points.diffuse_normal, receiver)
+    towards = dr.gather(mi.Vector3f, directions, index // receivers)
+    start = dr.gather(mi.Point3f, points.position, receiver) + OFFSET * n
     hit = mesh.scene.ray_intersect_preliminary(
         mi.Ray3f(start, towards), coherent=True, active=dr.dot(n, towards) > 0
     )
     kept = dr.compress(hit.is_valid())
+    if not dr.width(kept):  # a convex mesh
+        empty = sparse.csr_matrix((vertices, 2 * vertices), dtype=np.float32)
+        return FormFactors(empty, empty)
     triangle = dr.gather(mi.UInt32, hit.prim_index, kept)
     uv = dr.gather(mi.Point2f, hit.prim_uv, kept)
-    point = kept % vertices
+    point = dr.gather(mi.UInt32, receiver, kept)
     n, towards = dr.gather(mi.Vector3f, n, kept), dr.gather(mi.Vector3f, towards, kept)
     corner = dr.gather(mi.Vector3u, mesh.triangles, triangle)
     shares = (1 - uv.x - uv.y, uv.x, uv.y)
@@ -126,7 +137,8 @@ def form_factors(mesh: Mesh, points: Points, count: int = 256) -> FormFactors:
 class Bounce:
     """Indirect shading of the pixels that `hits` see, for one position of `mesh`.
 
-    roughness: (H, W) map. bounces: substitutions; each adds one more inter-reflection.
+    roughness: (H, W) map. bounces: substitutions; each adds one more inter-reflection, 0 leaves
+    indirect light out. rays: of each vertex.
     """
 
     def __init__(
@@ -134,49 +146,63 @@ class Bounce:
         mesh: Mesh,
         camera: Camera,
         hits: Hits,
-        directions: Directions,
         roughness: np.ndarray,
         bounces: int = 3,
+        rays: int = 256,
     ) -> None:
-        self.camera = camera
-        self.bounces = bounces
-        self.directions = directions
+        self.scene, self.camera, self.bounces = mesh.scene, camera, bounces
+        self.pixels = dr.width(hits.pixel)
+        if not bounces:
+            return
         self.world = mesh.vertices.numpy().T
         normal = mi.Vector3f(mesh.normals)
         alpha = mi.Float(sample_map(roughness, camera, self.world).astype(np.float32))
         self.points = Points(mi.Point3f(mesh.vertices), normal, normal, normal, alpha)
-        self.bits = visibility(mesh.scene, self.points, directions)
-        self.factors = form_factors(mesh, self.points)
+        every = mesh.camera_hits(camera)
+        seen = np.unique(mesh.triangles.numpy().T[every.triangle.numpy()])
+        self.factors = form_factors(mesh, self.points, seen, rays)
         corner, weight = surface_weights(camera, hits, mesh.vertices, mesh.triangles)
-        pixels = dr.width(hits.pixel)
+        shape = (self.pixels, len(self.world))
+        ends = np.arange(self.pixels + 1) * 3
         self.to_pixels = sparse.csr_matrix(
-            (
-                weight.numpy().T.ravel(),
-                corner.numpy().T.ravel(),
-                np.arange(pixels + 1) * 3,
-            ),
-            shape=(pixels, len(self.world)),
+            (weight.numpy().T.ravel(), corner.numpy().T.ravel(), ends), shape=shape
         )
+
+    def under(self, directions: Directions) -> BounceUnder:
+        """The same, with the vertices' visibility traced for the cells of `directions`."""
+        bits = visibility(self.scene, self.points, directions) if self.bounces else None
+        return BounceUnder(self, directions, bits)
+
+
+@dataclass(frozen=True)
+class BounceUnder:
+    """A Bounce and the quadrature its direct light is summed with."""
+
+    bounce: Bounce
+    directions: Directions
+    bits: Any
 
     def shade(self, radiance: np.ndarray, maps: Maps) -> tuple[np.ndarray, np.ndarray]:
         """Indirect E and S, (P, 3) float32 each, to be added to the direct shading.
 
         radiance: (D,) or (D, 3) cell means.
         """
-        direct, _ = shade(self.points, self.directions, self.bits, radiance)
-        light = direct.numpy().T.reshape(len(self.world), -1)
-        rho_d = sample_map(maps.diffuse_albedo, self.camera, self.world)
-        rho_s = sample_map(maps.specular_albedo, self.camera, self.world)[:, None]
+        bounce = self.bounce
+        if not bounce.bounces:
+            zero = np.zeros((bounce.pixels, 3), dtype=np.float32)
+            return zero, zero
+        direct, _ = shade(bounce.points, self.directions, self.bits, radiance)
+        light = direct.numpy().T.reshape(len(bounce.world), -1)
+        rho_d = sample_map(maps.diffuse_albedo, bounce.camera, bounce.world)
+        rho_s = sample_map(maps.specular_albedo, bounce.camera, bounce.world)[:, None]
         indirect = np.zeros_like(rho_d)
 
         def outgoing() -> np.ndarray:
             total = light + indirect
             return np.concatenate([rho_d * total, np.broadcast_to(rho_s * total, rho_d.shape)])
 
-        for _ in range(self.bounces - 1):
-            indirect = self.factors.diffuse @ outgoing()
-        e, s = (
-            self.to_pixels @ (m @ outgoing()) for m in (self.factors.diffuse, self.factors.specular)
-        )
+        factors = bounce.factors
+        for _ in range(bounce.bounces - 1):
+            indirect = factors.diffuse @ outgoing()
+        e, s = (bounce.to_pixels @ (m @ outgoing()) for m in (factors.diffuse, factors.specular))
         return e.astype(np.float32), s.astype(np.float32)
-

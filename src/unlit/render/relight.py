@@ -17,42 +17,51 @@ from .transport import Directions, Points, shade, visibility
 mi = mitsuba()
 
 
-def relight(
-    reconstruction: Reconstruction, light: np.ndarray | SphericalGaussians, bounces: int = 3
-) -> np.ndarray:
-    """(S, S, 3) linear sRGB under `light`; 0 outside the mask. See Reconstruction.relight.
+class Relighter:
+    """What stays when only the light changes: geometry, shading points, form factors."""
 
-    The quadrature is refined where the light is small or steep, so shadows of small lights are
-    sharp.
-    """
-    environment = light.rasterize() if isinstance(light, SphericalGaussians) else np.asarray(light)
-    r = reconstruction
-    maps = Maps(r.diffuse_albedo, r.specular_albedo, r.roughness, r.perturbation)
-    mesh = Mesh(r.vertices, r.triangles)
-    hits = mesh.camera_hits(r.camera)
-    inside = np.flatnonzero(r.mask.ravel()[hits.pixel.numpy()] > 0)
-    chosen = mi.UInt32(inside.astype(np.uint32))
-    hits = Hits(dr.gather(mi.UInt32, hits.pixel, chosen), dr.gather(mi.UInt32, hits.triangle, chosen))
-    pixel = hits.pixel.numpy().astype(np.int64)
+    def __init__(self, reconstruction: Reconstruction, bounces: int = 3) -> None:
+        r = reconstruction
+        self.maps = Maps(r.diffuse_albedo, r.specular_albedo, r.roughness, r.perturbation)
+        self.mesh = Mesh(r.vertices, r.triangles)
+        hits = self.mesh.camera_hits(r.camera)
+        inside = np.flatnonzero(r.mask.ravel()[hits.pixel.numpy()] > 0).astype(np.uint32)
+        chosen = mi.UInt32(inside)
+        hits = Hits(
+            dr.gather(mi.UInt32, hits.pixel, chosen), dr.gather(mi.UInt32, hits.triangle, chosen)
+        )
+        self.pixel = hits.pixel.numpy().astype(np.int64)
+        mesh = self.mesh
+        position, _, geometric = surface(
+            r.camera, hits, mesh.vertices, mesh.normals, mesh.triangles
+        )
+        self.points = Points(
+            position,
+            mi.Vector3f(np.ascontiguousarray(r.diffuse_normal.reshape(-1, 3)[self.pixel].T)),
+            mi.Vector3f(np.ascontiguousarray(r.specular_normal.reshape(-1, 3)[self.pixel].T)),
+            geometric,
+            mi.Float(r.roughness.ravel()[self.pixel]),
+        )
+        self.bounce = Bounce(mesh, r.camera, hits, r.roughness, bounces)
 
-    position, _, geometric = surface(r.camera, hits, mesh.vertices, mesh.normals, mesh.triangles)
-    points = Points(
-        position,
-        mi.Vector3f(np.ascontiguousarray(r.diffuse_normal.reshape(-1, 3)[pixel].T)),
-        mi.Vector3f(np.ascontiguousarray(r.specular_normal.reshape(-1, 3)[pixel].T)),
-        geometric,
-        mi.Float(r.roughness.ravel()[pixel]),
-    )
-    cells = refine(grid_cells(), environment)
-    radiance = cells.average(environment)
-    directions = Directions(cells)
-    bits = visibility(mesh.scene, points, directions)
-    e, s = shade(points, directions, bits, radiance)
-    bounce = Bounce(mesh, r.camera, hits, directions, r.roughness, bounces)
-    indirect_e, indirect_s = bounce.shade(radiance, maps)
-    total_e = e.numpy().T.reshape(len(pixel), -1) + indirect_e
-    total_s = s.numpy().T.reshape(len(pixel), -1) + indirect_s
-    return composed(maps, pixel, total_e, total_s)
+    def __call__(self, light: np.ndarray | SphericalGaussians) -> np.ndarray:
+        """(S, S, 3) linear sRGB under `light`; 0 outside the mask. See Reconstruction.relight.
+
+        The quadrature is refined where the light is small or steep, so shadows of small lights
+        are sharp.
+        """
+        lobes = isinstance(light, SphericalGaussians)
+        environment = light.rasterize() if lobes else np.asarray(light)
+        cells = refine(grid_cells(), environment)
+        radiance = cells.average(environment)
+        directions = Directions(cells)
+        bits = visibility(self.mesh.scene, self.points, directions)
+        e, s = shade(self.points, directions, bits, radiance)
+        indirect_e, indirect_s = self.bounce.under(directions).shade(radiance, self.maps)
+        count = len(self.pixel)
+        total_e = e.numpy().T.reshape(count, -1) + indirect_e
+        total_s = s.numpy().T.reshape(count, -1) + indirect_s
+        return composed(self.maps, self.pixel, total_e, total_s)
 
 
 def composed(maps: Maps, pixel: np.ndarray, e: np.ndarray, s: np.ndarray) -> np.ndarray:

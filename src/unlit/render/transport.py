@@ -8,14 +8,14 @@ face is shaded by two numbers that are linear in the light L (one mean radiance 
     I(p) = rho_d(p) E(p) + rho_s(p) S(p)
 
 This is precomputed radiance transfer (Sloan et al. 2002) used for inverse rendering. Two forms of
-it are here: `shade` sums over the cells of any light, exactly; `Transport` keeps a low-rank
-factorisation E = U_E (W_E L), S = U_S (W_S L) whose product and transposed product make one
-iteration of the optimisation cheap; `linearize` gives the change of E and S with the normal.
+it are here: `shade` sums over the cells of any light, exactly, for any number of points;
+`Transport` keeps, for a sample of the points, a low-rank factorisation E = U_E (W_E L),
+S = U_S (W_S L) whose product and transposed product give the light its gradient in a millisecond;
+`linearize` gives the change of E and S with the normal.
 """
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -23,7 +23,7 @@ import drjit as dr
 import numpy as np
 
 from .._runtime import mitsuba
-from ..scene.brdf import specular
+from ..scene.brdf import specular, specular_with_gradient
 from ..scene.cells import Cells
 from .visibility import trace, visible
 
@@ -59,15 +59,27 @@ class Points:
 
 
 class Directions:
-    """The quadrature on the device: unit directions, first moments / pi, and solid angles."""
+    """The quadrature on the device: eight floats per cell, read as one packet.
+
+    They are the unit direction, the solid angle, the first moment / pi, and a zero.
+    """
 
     def __init__(self, cells: Cells) -> None:
         self.unit = mi.Vector3f(np.ascontiguousarray(cells.direction.T, dtype=np.float32))
-        self.moment = mi.Vector3f(np.ascontiguousarray(cells.moment.T / np.pi, dtype=np.float32))
-        self.solid_angle = mi.Float(cells.solid_angle.astype(np.float32))
+        table = np.zeros((len(cells), 8), dtype=np.float32)
+        table[:, :3], table[:, 3] = cells.direction, cells.solid_angle
+        table[:, 4:7] = cells.moment / np.pi
+        self.table = mi.Float(table.ravel())
+        self.count = len(cells)
 
     def __len__(self) -> int:
-        return dr.width(self.solid_angle)
+        return self.count
+
+    def gather(self, d: Any) -> tuple[Any, Any, Any]:
+        """Unit direction, first moment / pi, and solid angle of the cells `d` (mi.UInt32)."""
+        first = dr.gather(mi.Vector4f, self.table, 2 * d)
+        second = dr.gather(mi.Vector4f, self.table, 2 * d + 1)
+        return mi.Vector3f(first.xyz), mi.Vector3f(second.xyz), first.w
 
 
 def visibility(scene: Any, points: Points, directions: Directions) -> Any:
@@ -77,42 +89,45 @@ def visibility(scene: Any, points: Points, directions: Directions) -> Any:
     )
 
 
-def _terms(points: Points, directions: Directions, bits: Any, point: Any, d: Any) -> tuple[Any, Any]:
-    """Diffuse and specular transport between points `point` and cells `d` (UInt32 indices)."""
-    seen = visible(bits, len(points), point, d)
-    diffuse_normal = dr.gather(mi.Vector3f, points.diffuse_normal, point)
-    normal = dr.gather(mi.Vector3f, points.specular_normal, point)
-    viewer = dr.gather(mi.Vector3f, points.to_viewer, point)
-    alpha = dr.gather(mi.Float, points.roughness, point)
-    towards = dr.gather(mi.Vector3f, directions.unit, d)
-    diffuse = dr.fmax(dr.dot(diffuse_normal, dr.gather(mi.Vector3f, directions.moment, d)), 0)
-    lobe = specular(normal, towards, viewer, alpha)
-    lobe *= dr.gather(mi.Float, directions.solid_angle, d)
-    return dr.select(seen, diffuse, 0), dr.select(seen, lobe, 0)
+def _terms(points: Points, viewer: Any, directions: Directions, d: Any) -> tuple[Any, Any]:
+    """Unoccluded diffuse and specular transport from the cells `d` to as many `points`."""
+    towards, moment, solid_angle = directions.gather(d)
+    diffuse = dr.fmax(dr.dot(points.diffuse_normal, moment), 0)
+    lobe = specular(points.specular_normal, towards, viewer, points.roughness)
+    return diffuse, lobe * solid_angle
 
 
-def shade(points: Points, directions: Directions, bits: Any, radiance: np.ndarray) -> tuple[Any, Any]:
+def _seen(bits: Any, points: int, point: Any, d: Any, word: Any) -> tuple[Any, Any]:
+    """Whether cell `d` of a loop over all cells is seen; `word` holds the bits of 32 cells."""
+    fresh = dr.gather(mi.UInt32, bits, (d >> 5) * points + point, (d & 31) == 0)
+    word = dr.select((d & 31) == 0, fresh, word)
+    return ((word >> (d & 31)) & 1) != 0, word
+
+
+def shade(
+    points: Points, directions: Directions, bits: Any, radiance: np.ndarray
+) -> tuple[Any, Any]:
     """Direct shading (E, S) of every point under `radiance` (D,) or (D, 3), exactly.
 
     Returns mi.Float of width P for a monochrome light, mi.Color3f for a coloured one.
-    Differentiable in forward mode with respect to normals and roughness.
     """
     colour = mi.Color3f if np.ndim(radiance) == 2 else mi.Float
     light = colour(np.ascontiguousarray(np.asarray(radiance, dtype=np.float32).T))
-    lit = np.flatnonzero(np.asarray(radiance).reshape(len(directions), -1).max(axis=1) > 0)
-    order = mi.UInt32(lit.astype(np.uint32))
-    steps = dr.opaque(mi.UInt32, len(lit))
-    point = dr.arange(mi.UInt32, len(points))
+    count, width = dr.opaque(mi.UInt32, len(directions)), len(points)
+    point = dr.arange(mi.UInt32, width)
+    viewer = points.to_viewer
 
-    def body(k: Any, e: Any, s: Any) -> tuple[Any, Any, Any]:
-        d = dr.gather(mi.UInt32, order, k)
-        diffuse, lobe = _terms(points, directions, bits, point, d)
-        value = dr.gather(colour, light, d)
-        return k + 1, e + value * diffuse, s + value * lobe
+    def body(d: Any, word: Any, e: Any, s: Any) -> tuple[Any, ...]:
+        seen, word = _seen(bits, width, point, d, word)
+        diffuse, lobe = _terms(points, viewer, directions, d)
+        value = dr.select(seen, dr.gather(colour, light, d), 0)
+        return d + 1, word, e + value * diffuse, s + value * lobe
 
-    zero = dr.zeros(colour, len(points))
-    state = (dr.zeros(mi.UInt32, len(points)), zero, colour(zero))
-    _, e, s = dr.while_loop(state, lambda k, *_: k < steps, body, labels=("k", "e", "s"))
+    zero = dr.zeros(colour, width)
+    state = (dr.zeros(mi.UInt32, width), dr.zeros(mi.UInt32, width), zero, colour(zero))
+    _, _, e, s = dr.while_loop(
+        state, lambda d, *_: d < count, body, labels=("d", "bits", "E", "S")
+    )
     return e, s
 
 
@@ -139,44 +154,51 @@ def linearize(
 ) -> Linearization:
     """Shading under a monochrome `radiance` (D,) and its derivative along both normals.
 
-    The derivative is taken in the tangent plane by forward-mode differentiation of `shade`;
-    visibility is held fixed.
+    Visibility and the horizon are held fixed. The specular derivative is kept to the tangent
+    plane, in which a unit normal moves.
     """
-    zero = dr.zeros(mi.Vector3f, len(points))
-    gradient_e, gradient_s = zero, mi.Vector3f(zero)
-    e = s = mi.Float(0)
-    frames = (mi.Frame3f(points.diffuse_normal), mi.Frame3f(points.specular_normal))
-    for tangents in ((frames[0].s, frames[1].s), (frames[0].t, frames[1].t)):
-        diffuse_normal = mi.Vector3f(points.diffuse_normal)
-        specular_normal = mi.Vector3f(points.specular_normal)
-        dr.enable_grad(diffuse_normal, specular_normal)
-        moved = Points(
-            points.position, diffuse_normal, specular_normal, points.geometric, points.roughness
+    light = mi.Float(np.asarray(radiance, dtype=np.float32))
+    count, width = dr.opaque(mi.UInt32, len(directions)), len(points)
+    point = dr.arange(mi.UInt32, width)
+    viewer = points.to_viewer
+
+    def body(d: Any, word: Any, b: Any, s: Any, c: Any) -> tuple[Any, ...]:
+        seen, word = _seen(bits, width, point, d, word)
+        towards, moment, solid_angle = directions.gather(d)
+        value = dr.select(seen, dr.gather(mi.Float, light, d), 0)
+        above = dr.dot(points.diffuse_normal, moment) > 0
+        lobe, gradient = specular_with_gradient(
+            points.specular_normal, towards, viewer, points.roughness
         )
-        e, s = shade(moved, directions, bits, radiance)
-        dr.set_grad(diffuse_normal, tangents[0])
-        dr.set_grad(specular_normal, tangents[1])
-        dr.forward_to(e, s)
-        gradient_e = gradient_e + tangents[0] * dr.grad(e)
-        gradient_s = gradient_s + tangents[1] * dr.grad(s)
-        e, s = dr.detach(e), dr.detach(s)
-        dr.eval(gradient_e, gradient_s, e, s)
-    return Linearization(
-        e, s, gradient_e, gradient_s, points.diffuse_normal, points.specular_normal
+        value_s = value * solid_angle
+        b = b + dr.select(above, value, 0) * moment
+        return d + 1, word, b, s + value_s * lobe, c + value_s * mi.Vector3f(gradient)
+
+    zero = dr.zeros(mi.Vector3f, width)
+    state = (dr.zeros(mi.UInt32, width), dr.zeros(mi.UInt32, width), zero)
+    state = (*state, dr.zeros(mi.Float, width), mi.Vector3f(zero))
+    _, _, b, s, c = dr.while_loop(
+        state, lambda d, *_: d < count, body, labels=("d", "bits", "B", "S", "C")
     )
+    n = points.specular_normal
+    result = Linearization(
+        dr.dot(b, points.diffuse_normal), s, b, c - n * dr.dot(n, c), points.diffuse_normal, n
+    )
+    dr.eval(result.diffuse, result.specular, result.diffuse_gradient, result.specular_gradient)
+    return result
 
 
-def _rows(points: Points, directions: Directions, bits: Any, chosen: np.ndarray) -> tuple[Any, Any]:
-    """Exact transport rows (n, D), float32, of the points `chosen` (n,): diffuse and specular."""
+def _rows(points: Points, directions: Directions, bits: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Exact transport rows (P, D), float32: diffuse and specular."""
     count = len(directions)
-    index = dr.arange(mi.UInt32, len(chosen) * count)
-    point = dr.gather(mi.UInt32, mi.UInt32(chosen.astype(np.uint32)), index // count)
-    diffuse, lobe = _terms(points, directions, bits, point, index % count)
-    dr.eval(diffuse, lobe)
-    return (
-        diffuse.numpy().reshape(len(chosen), count),
-        lobe.numpy().reshape(len(chosen), count),
-    )
+    index = dr.arange(mi.UInt32, len(points) * count)
+    point, d = index // count, index % count
+    here = points.gather(point)
+    seen = visible(bits, len(points), point, d)
+    rows = [dr.select(seen, t, 0) for t in _terms(here, here.to_viewer, directions, d)]
+    dr.eval(rows)
+    diffuse, lobe = (row.numpy().reshape(len(points), count) for row in rows)
+    return diffuse, lobe
 
 
 def _basis(rows: np.ndarray, rank: int) -> np.ndarray:
@@ -188,10 +210,10 @@ def _basis(rows: np.ndarray, rank: int) -> np.ndarray:
 
 
 class Product:
-    """y = U x and its transpose for a tall (P, R) float32 matrix; the hot loop of stages 1 to 3.
+    """y = U x and its transpose for a tall (N, R) float32 matrix.
 
-    On the CPU two halves go through BLAS in two threads, measured 3 times faster than the same
-    loop in a Dr.Jit kernel, whose gathers cannot be vector loads; elsewhere Dr.Jit does it.
+    On the CPU this is BLAS, measured 3 times faster than the same loop in a Dr.Jit kernel;
+    elsewhere Dr.Jit does it.
     """
 
     def __init__(self, matrix: np.ndarray) -> None:
@@ -199,32 +221,16 @@ class Product:
         self.device = None if dr.backend_v(mi.Float) == dr.JitBackend.LLVM else mi.TensorXf(matrix)
 
     def apply(self, x: Any) -> Any:
-        """U x: mi.Float of width R to mi.Float of width P."""
+        """U x: mi.Float of width R to mi.Float of width N."""
         if self.device is not None:
             return dr.sum(self.device * mi.TensorXf(x, (1, dr.width(x))), axis=1).array
-        vector = x.numpy()
-        return mi.Float(np.concatenate(_halves(lambda part: part @ vector, self.matrix)))
+        return mi.Float(self.matrix @ x.numpy())
 
     def apply_transposed(self, y: Any) -> Any:
-        """U^T y: mi.Float of width P to mi.Float of width R."""
+        """U^T y: mi.Float of width N to mi.Float of width R."""
         if self.device is not None:
             return dr.sum(self.device * mi.TensorXf(y, (dr.width(y), 1)), axis=0).array
-        vector = y.numpy()
-        half = len(vector) // 2
-        parts = (vector[:half], vector[half:])
-        a, b = _POOL.map(
-            lambda pair: pair[1] @ pair[0],
-            ((self.matrix[:half], parts[0]), (self.matrix[half:], parts[1])),
-        )
-        return mi.Float(a + b)
-
-
-_POOL = ThreadPoolExecutor(2, thread_name_prefix="unlit-blas")
-
-
-def _halves(function: Any, matrix: np.ndarray) -> list[np.ndarray]:
-    half = len(matrix) // 2
-    return list(_POOL.map(function, (matrix[:half], matrix[half:])))
+        return mi.Float(y.numpy() @ self.matrix)
 
 
 class _Multiply(dr.CustomOp):
@@ -242,34 +248,18 @@ class _Multiply(dr.CustomOp):
 
 
 class Transport:
-    """Low-rank transport of P points: E and S as differentiable functions of the cells' radiance.
+    """Low-rank transport: E and S as differentiable functions of the cells' radiance.
 
-    rank: number of basis vectors for the diffuse and the specular part. The bases are those of
-    the exact transport of an even sample of the points; each point is then projected on them.
+    rank: number of basis vectors for the diffuse and the specular part.
     """
 
     def __init__(
-        self,
-        points: Points,
-        directions: Directions,
-        bits: Any,
-        rank: tuple[int, int],
-        sample: int = 6000,
-        block: int = 8192,
+        self, points: Points, directions: Directions, bits: Any, rank: tuple[int, int]
     ) -> None:
-        chosen = np.unique(np.linspace(0, len(points) - 1, sample).astype(np.int64))
-        self.basis = [
-            _basis(rows, r) for rows, r in zip(_rows(points, directions, bits, chosen), rank, strict=True)
-        ]
-        factors = [np.empty((len(points), len(b)), dtype=np.float32) for b in self.basis]
-        for start in range(0, len(points), block):  # bounds memory: never all P x D at once
-            part = np.arange(start, min(start + block, len(points)))
-            for factor, basis, rows in zip(
-                factors, self.basis, _rows(points, directions, bits, part), strict=True
-            ):
-                np.matmul(rows, basis.T, out=factor[part[0] : part[-1] + 1])
-        self._factors = [Product(f) for f in factors]
-        self._bases = [Product(b) for b in self.basis]
+        rows = _rows(points, directions, bits)
+        bases = [_basis(part, r) for part, r in zip(rows, rank, strict=True)]
+        self._bases = [Product(b) for b in bases]
+        self._factors = [Product(part @ b.T) for part, b in zip(rows, bases, strict=True)]
 
     def shade(self, radiance: Any) -> tuple[Any, Any]:
         """(E, S), mi.Float of width P, for `radiance` mi.Float of width D; differentiable."""

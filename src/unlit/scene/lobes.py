@@ -36,49 +36,51 @@ def _nodes(cells: Cells) -> np.ndarray:
 
 
 class _Radiance(dr.CustomOp):
-    """Sum of the lobes at given directions (J,), with respect to axis, sharpness and amplitude."""
+    """Sum of the lobes at given directions (J,), with respect to axis, sharpness and amplitude.
+
+    Each loop reads four floats per step, stored together so that the read is one packet:
+    mu exp(lambda (w . xi - 1)) = exp(w . (lambda xi) + (ln mu - lambda)).
+    """
 
     def eval(self, axis: Any, sharpness: Any, amplitude: Any, directions: Any) -> Any:
         self.axis, self.sharpness, self.amplitude = axis, sharpness, amplitude
         self.directions = directions
-        lobes = dr.opaque(mi.UInt32, dr.width(sharpness))
+        scaled = axis * sharpness
+        record = mi.Vector4f(scaled.x, scaled.y, scaled.z, dr.log(amplitude) - sharpness)
+        self.lobes = dr.ravel(record)
+        dr.eval(self.lobes)
+        count = dr.opaque(mi.UInt32, dr.width(sharpness))
 
         def body(k: Any, total: Any, w: Any) -> tuple[Any, Any, Any]:
-            xi = dr.gather(mi.Vector3f, axis, k)
-            exponent = dr.gather(mi.Float, sharpness, k) * (dr.dot(w, xi) - 1)
-            return k + 1, total + dr.gather(mi.Float, amplitude, k) * dr.exp(exponent), w
+            lobe = dr.gather(mi.Vector4f, self.lobes, k)
+            return k + 1, total + dr.exp(dr.dot(w, lobe.xyz) + lobe.w), w
 
-        count = dr.width(directions)
-        state = (dr.zeros(mi.UInt32, count), dr.zeros(mi.Float, count), mi.Vector3f(directions))
-        return dr.while_loop(state, lambda k, *_: k < lobes, body, labels=("k", "L", "w"))[1]
+        n = dr.width(directions)
+        state = (dr.zeros(mi.UInt32, n), dr.zeros(mi.Float, n), mi.Vector3f(directions))
+        return dr.while_loop(state, lambda k, *_: k < count, body, labels=("k", "L", "w"))[1]
 
     def backward(self) -> None:
-        gradient = self.grad_out()
-        dr.eval(gradient)
-        directions = self.directions
-        count = dr.opaque(mi.UInt32, dr.width(directions))
-
-        def body(j: Any, a: Any, b: Any, c: Any, xi: Any, lam: Any) -> tuple[Any, ...]:
-            w = dr.gather(mi.Vector3f, directions, j)
-            cosine = dr.dot(w, xi) - 1
-            g = dr.gather(mi.Float, gradient, j) * dr.exp(lam * cosine)
-            return j + 1, a + g, b + g * cosine, c + g * w, xi, lam
-
+        w, g = self.directions, self.grad_out()
+        dr.eval(g)
+        nodes = dr.ravel(mi.Vector4f(w.x, w.y, w.z, g))
+        dr.eval(nodes)
+        count = dr.opaque(mi.UInt32, dr.width(w))
         lobes = dr.width(self.sharpness)
-        state = (
-            dr.zeros(mi.UInt32, lobes),
-            dr.zeros(mi.Float, lobes),
-            dr.zeros(mi.Float, lobes),
-            dr.zeros(mi.Vector3f, lobes),
-            mi.Vector3f(self.axis),
-            mi.Float(self.sharpness),
+        lobe = dr.gather(mi.Vector4f, self.lobes, dr.arange(mi.UInt32, lobes))
+
+        def body(j: Any, sum_g: Any, sum_w: Any, lobe: Any) -> tuple[Any, ...]:
+            node = dr.gather(mi.Vector4f, nodes, j)
+            value = node.w * dr.exp(dr.dot(node.xyz, lobe.xyz) + lobe.w)
+            return j + 1, sum_g + value, sum_w + value * mi.Vector3f(node.xyz), lobe
+
+        state = (dr.zeros(mi.UInt32, lobes), dr.zeros(mi.Float, lobes))
+        state = (*state, dr.zeros(mi.Vector3f, lobes), lobe)
+        _, sum_g, sum_w, _ = dr.while_loop(
+            state, lambda j, *_: j < count, body, labels=("j", "g", "gw", "lobe")
         )
-        _, to_amplitude, to_sharpness, to_axis, _, _ = dr.while_loop(
-            state, lambda j, *_: j < count, body, labels=("j", "a", "b", "c", "xi", "lam")
-        )
-        self.set_grad_in("amplitude", to_amplitude)
-        self.set_grad_in("sharpness", self.amplitude * to_sharpness)
-        self.set_grad_in("axis", self.amplitude * self.sharpness * to_axis)
+        self.set_grad_in("amplitude", sum_g / self.amplitude)
+        self.set_grad_in("sharpness", dr.dot(sum_w, self.axis) - sum_g)
+        self.set_grad_in("axis", self.sharpness * sum_w)
 
 
 class CellRadiance:

@@ -5,8 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from unlit.errors import FaceError
+from unlit.head.eyelids import eyeballs, lids_outside_eyes
 from unlit.head.fit import FitSettings, fit_head
 from unlit.head.lips import LOWER_RIM, UPPER_RIM, opening, seal_lips
+from unlit.perception.topology import LEFT_LID_GAP, RIGHT_LID_GAP
 from unlit.scene.camera import Camera
 
 CAMERA = Camera(512, 512, 1100.0, 250.0, 262.0)
@@ -94,15 +96,31 @@ def test_seal_moves_only_the_mouth(head):
 
 
 def test_closed_lids_cover_the_eye(head):
-    """Eyes half shut and shut: no lid vertex inside the eyeball."""
-    for amount in (0.5, 1.0):
-        units = {"eyeBlinkLeft": amount, "eyeBlinkRight": amount}
-        landmarks, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]), units=units)
-        fit = fit_head(head, landmarks, CAMERA)
-        points = head.landmarks(fit.vertices)
-        gap = np.linalg.norm(points[159] - points[145])
-        open_gap = np.linalg.norm(np.subtract(*head.landmarks(head.neutral)[[159, 145]]))
-        assert gap < (1.2 - 0.8 * amount) * open_gap
+    """Eyes shut in the photo are shut in the fit, and nothing is left inside the eyeball."""
+    units = {"eyeBlinkLeft": 1.0, "eyeBlinkRight": 1.0}
+    landmarks, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]), units=units)
+    fit = fit_head(head, landmarks, CAMERA)
+    points, rest = head.landmarks(fit.vertices), head.landmarks(head.neutral)
+    for upper, lower in RIGHT_LID_GAP + LEFT_LID_GAP:
+        assert abs(points[upper, 1] - points[lower, 1]) < 0.2 * (rest[upper, 1] - rest[lower, 1])
+
+
+@pytest.mark.parametrize("amount", [0.25, 0.5, 0.75])
+def test_lids_slide_on_the_eyeball(head, amount):
+    """On its way down no part of the lid lies inside the ball; open eyes hardly change."""
+    expression = np.zeros(len(head.expression))
+    expression[head.expression_names.index("eyeBlinkRight")] = amount
+    shape = head.vertices(np.zeros(len(head.identity)), expression)
+    kept = lids_outside_eyes(head, shape)
+    for ball in eyeballs(head):
+        centre = shape[ball].mean(axis=0)
+        radius = np.linalg.norm(shape[ball] - centre, axis=-1).min()
+        assert np.linalg.norm(kept[~ball] - centre, axis=-1).min() > radius
+        np.testing.assert_array_equal(kept[ball], shape[ball])
+    before = np.linalg.norm(shape - kept, axis=-1)
+    assert 0 < before.max() < 0.6
+    rest = head.landmarks(lids_outside_eyes(head, head.neutral)) - head.landmarks(head.neutral)
+    assert np.linalg.norm(rest, axis=-1).max() < 0.1
 
 
 def test_bad_landmarks_are_refused(head):

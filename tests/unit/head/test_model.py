@@ -17,21 +17,21 @@ def tiny(**changes) -> HeadModel:
     carried[3] = 1
     weights = np.zeros((LANDMARKS, 3), np.float32)
     weights[3] = (0.2, 0.3, 0.5)
-    values = dict(
-        name="tiny",
-        licence="CC0-1.0",
-        origin="test",
-        neutral=np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32),
-        identity=rng.normal(size=(2, 4, 3)).astype(np.float32),
-        expression=rng.normal(size=(1, 4, 3)).astype(np.float32),
-        expression_names=("jawOpen",),
-        triangles=np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32),
-        uv=np.zeros((1, 2), np.float32),
-        triangle_uv=np.zeros((4, 3), np.int32),
-        landmark_triangle=carried,
-        landmark_barycentric=weights,
-        vertex_region=np.zeros(4, np.uint8),
-    )
+    values = {
+        "name": "tiny",
+        "licence": "CC0-1.0",
+        "origin": "test",
+        "neutral": np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32),
+        "identity": rng.normal(size=(2, 4, 3)).astype(np.float32),
+        "expression": rng.normal(size=(1, 4, 3)).astype(np.float32),
+        "expression_names": ("jawOpen",),
+        "triangles": np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32),
+        "uv": np.zeros((1, 2), np.float32),
+        "triangle_uv": np.zeros((4, 3), np.int32),
+        "landmark_triangle": carried,
+        "landmark_barycentric": weights,
+        "vertex_region": np.zeros(4, np.uint8),
+    }
     return HeadModel(**(values | changes))
 
 

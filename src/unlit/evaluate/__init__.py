@@ -1,0 +1,1 @@
+"""Subjects with known truth, metrics, and the relighting protocol."""

@@ -1,0 +1,82 @@
+"""Image files: EXR holds the numbers, linear float32; PNG is for looking at.
+
+    name               EXR                                          PNG preview
+    diffuse_albedo     RGB, linear sRGB                             sRGB-encoded
+    specular_albedo    Y, factor on the Beckmann lobe               0 to 2 as 0 to 255
+    roughness          Y, Beckmann alpha                            0 to 1 as 0 to 255
+    specular_normal    RGB = x, y, z of the unit normal, world      -1 to 1 as 0 to 255
+    diffuse_normal     the same for the diffuse lobe                -1 to 1 as 0 to 255
+    shading            RGB, diffuse shading E, linear               sRGB-encoded
+    specular_shading   RGB, specular shading S, linear              sRGB-encoded
+    render             RGB, linear sRGB = albedo E + specular S     sRGB-encoded
+    mask               Y, 0 to 1                                    0 to 1 as 0 to 255
+    environment        Y, radiance, latitude-longitude (180 x 360)  tone-mapped
+
+Values outside a preview's range are clipped. The frames are those of scene/camera.py.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+
+import numpy as np
+from PIL import Image
+
+from .._runtime import mitsuba
+from ..color import encode_srgb
+from ..reconstruction import Reconstruction
+
+
+def bytes_of(image: np.ndarray) -> np.ndarray:
+    """uint8 of values where 0 is 0 and 1 is 255; clipped. NaN becomes 0."""
+    return np.rint(255 * np.clip(np.nan_to_num(image), 0, 1)).astype(np.uint8)
+
+
+def encoded(linear: np.ndarray) -> np.ndarray:
+    """uint8 sRGB of linear values, clipped."""
+    return bytes_of(encode_srgb(linear))
+
+
+def normals(unit: np.ndarray) -> np.ndarray:
+    """uint8 of n / 2 + 1 / 2 for unit normals (..., 3); black where there is none."""
+    known = (unit != 0).any(axis=-1, keepdims=True)
+    return bytes_of((0.5 * unit + 0.5) * known)
+
+
+def tone_mapped(radiance: np.ndarray) -> np.ndarray:
+    """uint8 sRGB of a light: L / (1 + L), L scaled so that its mean is 0.25."""
+    scaled = np.maximum(radiance, 0) * (0.25 / max(float(radiance.mean()), 1e-9))
+    return encoded(scaled / (1 + scaled))
+
+
+#: By name: the array of a reconstruction, and its preview.
+MAPS: dict[str, tuple[Callable[[Reconstruction], np.ndarray], Callable[[np.ndarray], np.ndarray]]]
+MAPS = {
+    "diffuse_albedo": (lambda r: r.diffuse_albedo, encoded),
+    "specular_albedo": (lambda r: r.specular_albedo, lambda image: bytes_of(image / 2)),
+    "roughness": (lambda r: r.roughness, bytes_of),
+    "specular_normal": (lambda r: r.specular_normal, normals),
+    "diffuse_normal": (lambda r: r.diffuse_normal, normals),
+    "shading": (lambda r: r.diffuse_shading, encoded),
+    "specular_shading": (lambda r: r.specular_shading, encoded),
+    "render": (lambda r: r.render, encoded),
+    "mask": (lambda r: r.mask, bytes_of),
+    "environment": (lambda r: r.light.rasterize(), tone_mapped),
+}
+
+
+def exr(image: np.ndarray) -> bytes:
+    """An EXR file of (H, W) or (H, W, 3) float32, without loss."""
+    mi = mitsuba()
+    stream = mi.MemoryStream()
+    bitmap = mi.Bitmap(np.ascontiguousarray(image, dtype=np.float32))
+    bitmap.write(stream, mi.Bitmap.FileFormat.OpenEXR)
+    return stream.raw_buffer()
+
+
+def png(image: np.ndarray) -> bytes:
+    """A PNG file of (H, W) or (H, W, 3) uint8."""
+    stream = io.BytesIO()
+    Image.fromarray(image).save(stream, "PNG")
+    return stream.getvalue()

@@ -1,0 +1,129 @@
+"""Read a reconstruction's folder: nothing in it is trusted."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import OutputError
+from ..photo import Crop
+from ..reconstruction import Reconstruction
+from ..scene.camera import Camera
+from ..scene.light import SphericalGaussians
+from .arrays import read_arrays
+from .folder import MARK
+from .save import FORMAT
+
+_TEXT_LIMIT = 16 << 20
+
+
+def load(folder: str | Path) -> Reconstruction:
+    """The reconstruction that was saved in `folder`, the same to the bit.
+
+    Raises OutputError that names the file and the field that is missing or wrong.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise OutputError(f"{folder}: no such folder; give one that `unlit reconstruct` wrote")
+    if not (folder / MARK).exists():
+        raise OutputError(
+            f"{folder}: not a result of unlit ({MARK} is missing); give a folder that "
+            "`unlit reconstruct` wrote"
+        )
+    fields = _Fields(folder / MARK, _toml(folder / MARK))
+    found = fields.get("format", int)
+    if found != FORMAT:
+        raise OutputError(
+            f"{fields.path}: format {found}, this unlit reads {FORMAT}; use the version of unlit "
+            "it names, or reconstruct the photo again"
+        )
+    camera = fields.table("camera")
+    width, height = camera.get("width", int), camera.get("height", int)
+    pinhole = Camera(width, height, *(camera.number(name) for name in ("focal", "cx", "cy")))
+    crop = fields.table("crop")
+    resolution = crop.get("resolution", int)
+    try:
+        square = Crop(np.array(crop.get("matrix", list), dtype=np.float64), resolution)
+    except (ValueError, TypeError, IndexError) as error:
+        raise crop.wrong("matrix") from error
+    arrays = read_arrays(folder / "reconstruction.npz")
+    if {width, height, resolution} != {len(arrays["image"])}:
+        raise OutputError(
+            f"{fields.path}: camera and crop are {width} x {height} and {resolution} pixels, the "
+            f"maps {len(arrays['image'])}; reconstruct the photo again"
+        )
+    light = SphericalGaussians(
+        *(arrays.pop(f"light_{name}") for name in ("axis", "sharpness", "amplitude"))
+    )
+    return Reconstruction(
+        photo_name=fields.get("photo", str),
+        camera=pinhole,
+        crop=square,
+        light=light,
+        settings=fields.get("settings", dict),
+        metrics=_json(folder / "metrics.json"),
+        **arrays,
+    )
+
+
+class _Fields:
+    """A table of a file; what is missing or of another type is named in the error."""
+
+    def __init__(self, path: Path, values: dict[str, Any], prefix: str = "") -> None:
+        self.path = path
+        self._values = values
+        self._prefix = prefix
+
+    def get(self, name: str, kind: type) -> Any:
+        value = self._values.get(name)
+        if not isinstance(value, kind) or isinstance(value, bool):
+            raise self.wrong(name)
+        return value
+
+    def number(self, name: str) -> float:
+        return float(self.get(name, int | float))  # type: ignore[arg-type]
+
+    def table(self, name: str) -> _Fields:
+        return _Fields(self.path, self.get(name, dict), f"{self._prefix}{name}.")
+
+    def wrong(self, name: str) -> OutputError:
+        state = "not valid" if name in self._values else "missing"
+        return OutputError(
+            f"{self.path}: {self._prefix}{name} is {state}; reconstruct the photo again"
+        )
+
+
+def _toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(_text(path))
+    except tomllib.TOMLDecodeError as error:
+        raise OutputError(
+            f"{path}: no valid TOML ({error}); reconstruct the photo again"
+        ) from error
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        values = json.loads(_text(path))
+    except (ValueError, RecursionError) as error:
+        raise OutputError(
+            f"{path}: no valid JSON ({error}); reconstruct the photo again"
+        ) from error
+    if not isinstance(values, dict):
+        raise OutputError(f"{path}: not a table of metrics; reconstruct the photo again")
+    return values
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.stat().st_size > _TEXT_LIMIT:
+            raise OutputError(f"{path}: more than {_TEXT_LIMIT >> 20} MB; not a file of unlit's")
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise OutputError(f"{path}: not a text file; reconstruct the photo again") from error

@@ -1,0 +1,152 @@
+"""Write a reconstruction's folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from ..reconstruction import Reconstruction
+from .arrays import write_arrays
+from .folder import MARK, MARK_TEXT, write_all
+from .geometry import obj, ply
+from .images import MAPS, exr, png
+from .montage import montage_png
+
+#: Version of reconstruction.toml and .npz.
+FORMAT = 1
+
+_FRAME = (
+    "right-handed, x right, y up, camera at the origin looking along -z, centimetres; "
+    "pixels: x right, y down, the first pixel's centre at (0.5, 0.5)"
+)
+#: Every file but the maps, with what it holds.
+_OTHER_FILES = {
+    "light.json": "spherical Gaussians: axis, sharpness, amplitude",
+    "mesh.obj": "mesh with normals and texture coordinates",
+    "mesh.ply": "the same, binary",
+    "camera.json": "pinhole camera of the crop, and where the crop lies in the photo",
+    "reconstruction.npz": "every array, as loaded by unlit.load",
+    "metrics.json": "losses by stage, timings, memory, residual of the fit",
+    "montage.png": "all of it at a glance",
+    MARK: "this file",
+}
+LOG = "reconstruction.log"
+#: All names that `save` writes.
+FILES = {
+    **{f"{name}.exr": "linear float32" for name in MAPS},
+    **{f"{name}.png": "preview" for name in MAPS},
+    **_OTHER_FILES,
+    LOG: "what the run printed",
+}
+
+
+def needed_bytes(resolution: int) -> int:
+    """Room that a result of `resolution` pixels a side takes on disk, with some to spare."""
+    return 300 * resolution**2 + (16 << 20)
+
+
+def save(reconstruction: Reconstruction, folder: str | Path, log: str = "") -> None:
+    """Write all files of `reconstruction` into `folder`, or none; an older result is replaced.
+
+    log: what the run said, kept as reconstruction.log. Files of other names in the folder stay.
+    Raises OutputError if the folder cannot be written, or holds somebody else's file under one of
+    the names to be written.
+    """
+    r = reconstruction
+    texts = {
+        "light.json": _json(_light(r)),
+        "camera.json": _json(_camera(r)),
+        "metrics.json": _json(r.metrics),
+        MARK: _toml(r),
+        LOG: log,
+    }
+    writers: dict[str, Callable[[Path], object]] = {
+        **{f"{name}.exr": _exr(array(r)) for name, (array, _) in MAPS.items()},
+        **{f"{name}.png": _png(array(r), look) for name, (array, look) in MAPS.items()},
+        "mesh.obj": lambda path: path.write_bytes(obj(r)),
+        "mesh.ply": lambda path: path.write_bytes(ply(r)),
+        "reconstruction.npz": lambda path: write_arrays(r, path),
+        "montage.png": lambda path: path.write_bytes(montage_png(r)),
+        **{name: _text(text) for name, text in texts.items()},
+    }
+    assert writers.keys() == FILES.keys()
+    write_all(Path(folder), writers)
+
+
+def _exr(image: np.ndarray) -> Callable[[Path], object]:
+    return lambda path: path.write_bytes(exr(image))
+
+
+def _png(image: np.ndarray, look: Callable[[np.ndarray], np.ndarray]) -> Callable[[Path], object]:
+    return lambda path: path.write_bytes(png(look(image)))
+
+
+def _text(text: str) -> Callable[[Path], object]:
+    return lambda path: path.write_text(text, encoding="utf-8")
+
+
+def _toml(r: Reconstruction) -> str:
+    table = {
+        "format": FORMAT,
+        "unlit": version("unlit"),
+        "photo": r.photo_name,
+        "camera": {
+            "width": r.camera.width,
+            "height": r.camera.height,
+            "focal": float(r.camera.focal),
+            "cx": float(r.camera.cx),
+            "cy": float(r.camera.cy),
+        },
+        "crop": {"resolution": r.crop.resolution, "matrix": r.crop.matrix.tolist()},
+        "settings": r.settings,
+        "files": FILES,
+    }
+    head = (
+        f"{MARK_TEXT}. Read it with unlit.load; the arrays are in reconstruction.npz.\n"
+        "# camera: focal, cx, cy in pixels of the crop. crop.matrix: photo to crop pixels.\n\n"
+    )
+    return head + tomli_w.dumps(_plain(table))
+
+
+def _camera(r: Reconstruction) -> dict[str, Any]:
+    camera = r.camera
+    return {
+        "frame": _FRAME,
+        "width": camera.width,
+        "height": camera.height,
+        "intrinsics": [[camera.focal, 0, camera.cx], [0, camera.focal, camera.cy], [0, 0, 1]],
+        "fov_x_degrees": float(np.degrees(2 * np.arctan(0.5 * camera.width / camera.focal))),
+        "photo": r.photo_name,
+        "photo_to_crop": r.crop.matrix,
+    }
+
+
+def _light(r: Reconstruction) -> dict[str, Any]:
+    return {
+        "model": "radiance(w) = sum_k amplitude_k exp(sharpness_k (dot(w, axis_k) - 1))",
+        "frame": _FRAME,
+        "axis": r.light.axis,
+        "sharpness": r.light.sharpness,
+        "amplitude": r.light.amplitude,
+    }
+
+
+def _json(value: Any) -> str:
+    return json.dumps(_plain(value), indent=1, ensure_ascii=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    """`value` with NumPy's types and tuples turned into Python's numbers and lists."""
+    if isinstance(value, dict):
+        return {str(key): _plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return value

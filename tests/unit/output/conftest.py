@@ -1,0 +1,96 @@
+"""A small made-up result: a grey ball with a rosy half in front of a 32-pixel camera."""
+
+import numpy as np
+import pytest
+
+from unlit.photo import Crop
+from unlit.reconstruction import Reconstruction
+from unlit.scene.camera import Camera
+from unlit.scene.light import SphericalGaussians
+
+SIZE = 32
+DISTANCE = 60.0
+RADIUS = 9.0
+
+
+def _ball() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Latitude-longitude ball with a UV seam: (V, 3), (F, 3), (T, 2), (F, 3)."""
+    rows, columns = 9, 16
+    theta = np.linspace(0.02, np.pi - 0.02, rows)[:, None]
+    phi = np.linspace(0, 2 * np.pi, columns + 1)[None]
+    uv = np.stack(np.broadcast_arrays(phi / (2 * np.pi), 1 - theta / np.pi), axis=-1)
+    unit = np.stack(
+        np.broadcast_arrays(
+            np.sin(phi) * np.sin(theta), np.cos(theta), np.cos(phi) * np.sin(theta)
+        ),
+        axis=-1,
+    )[:, :-1]
+    vertices = unit.reshape(-1, 3) * RADIUS + (0, 0, -DISTANCE)
+    corners, texture = [], []
+    for i in range(rows - 1):
+        for j in range(columns):
+            square = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+            for three in ((0, 1, 2), (0, 2, 3)):
+                corners.append([square[k][0] * columns + square[k][1] % columns for k in three])
+                texture.append([square[k][0] * (columns + 1) + square[k][1] for k in three])
+    return (
+        vertices.astype(np.float32),
+        np.array(corners, np.int32),
+        uv.reshape(-1, 2).astype(np.float32),
+        np.array(texture, np.int32),
+    )
+
+
+@pytest.fixture(scope="session")
+def face() -> Reconstruction:
+    """A whole Reconstruction with awkward values in it: halves of units, tuples, small numbers."""
+    random = np.random.default_rng(7)
+    camera = Camera(SIZE, SIZE, focal=SIZE * DISTANCE / 26.0, cx=SIZE / 2 + 0.1, cy=SIZE / 2)
+    vertices, triangles, uv, triangle_uv = _ball()
+    offset = camera.directions()[..., :2] / -camera.directions()[..., 2:] * DISTANCE / RADIUS
+    inside = (offset**2).sum(axis=-1) < 0.9
+    z = np.sqrt(np.maximum(1 - (offset**2).sum(axis=-1), 0))
+    normal = np.concatenate([offset, z[..., None]], axis=-1)
+    normal = (normal / np.linalg.norm(normal, axis=-1, keepdims=True) * inside[..., None]).astype(
+        "f4"
+    )
+    albedo = np.where(offset[..., :1] > 0, [0.6, 0.4, 0.3], [0.4, 0.4, 0.4]).astype("f4")
+    albedo += random.uniform(0, 0.05, albedo.shape).astype("f4")
+    shading = np.repeat(normal[..., 2:], 3, axis=-1)
+    render = albedo * shading
+    scalar = np.ones((SIZE, SIZE), np.float32)
+    axis = random.normal(size=(12, 3))
+    return Reconstruction(
+        photo_name="grüße.jpg",
+        image=render + random.uniform(0, 0.01, render.shape).astype("f4"),
+        camera=camera,
+        crop=Crop(np.array([[1 / 3, 0, -7.1], [0, 1 / 3, 2.3]]), SIZE),
+        vertices=vertices,
+        triangles=triangles,
+        uv=uv,
+        triangle_uv=triangle_uv,
+        diffuse_albedo=albedo,
+        specular_albedo=0.9 * scalar,
+        roughness=0.3 * scalar,
+        perturbation=np.zeros_like(normal),
+        specular_normal=normal,
+        diffuse_normal=normal,
+        diffuse_shading=shading,
+        specular_shading=np.zeros_like(shading),
+        render=render,
+        mask=inside.astype(np.float32),
+        regions=random.uniform(size=(SIZE, SIZE, 6)).astype(np.float32),
+        light=SphericalGaussians(
+            (axis / np.linalg.norm(axis, axis=1, keepdims=True)).astype(np.float32),
+            random.uniform(5, 50, 12).astype(np.float32),
+            random.uniform(0, 1, 12).astype(np.float32),
+        ),
+        settings={"resolution": SIZE, "rate": 0.1, "stage1": {"iterations": 3, "image": 1.0}},
+        metrics={"residual": 0.1 + 0.2, "losses": {"stage1": [[0, 1e-17], [2, 0.3]]}},
+    )
+
+
+@pytest.fixture
+def no_relight(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Relighting takes seconds: where its picture does not matter, the albedo stands in for it."""
+    monkeypatch.setattr(Reconstruction, "relight", lambda self, light: self.diffuse_albedo)

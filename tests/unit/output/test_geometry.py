@@ -1,0 +1,56 @@
+"""Mesh files hold the mesh: read back by a small independent reader."""
+
+import numpy as np
+
+from unlit.output.geometry import obj, ply, vertex_normals
+
+
+def test_normals_are_those_of_the_renderer(face):
+    """Files and renders must shade alike; the renderer computes its own in Dr.Jit."""
+    from unlit.scene.mesh import Mesh
+
+    expected = Mesh(face.vertices, face.triangles).normals.numpy().T
+    np.testing.assert_allclose(vertex_normals(face.vertices, face.triangles), expected, atol=1e-5)
+
+
+def test_normals_point_outwards_and_lone_vertices_have_none(face):
+    """Counter-clockwise from outside; a vertex of no triangle gives zero, not NaN."""
+    vertices = np.concatenate([face.vertices, [[0, 0, 0]]]).astype(np.float32)
+    normal = vertex_normals(vertices, face.triangles)
+    radial = face.vertices - face.vertices.mean(axis=0)
+    assert ((normal[:-1] * radial).sum(axis=1) > 0).all()
+    assert (normal[-1] == 0).all()
+
+
+def test_obj(face):
+    """Positions to the bit of float32, and separate indices that count from 1."""
+    lines = [line.split() for line in obj(face).decode().splitlines()]
+    numbers = {
+        kind: np.array([line[1:] for line in lines if line[0] == kind], dtype=np.float32)
+        for kind in ("v", "vt", "vn")
+    }
+    np.testing.assert_array_equal(numbers["v"], face.vertices)
+    np.testing.assert_array_equal(numbers["vt"], face.uv)
+    assert numbers["vn"].shape == face.vertices.shape
+    faces = (
+        np.array([[c.split("/") for c in line[1:]] for line in lines if line[0] == "f"], int) - 1
+    )
+    np.testing.assert_array_equal(faces[..., 0], face.triangles)
+    np.testing.assert_array_equal(faces[..., 1], face.triangle_uv)
+    np.testing.assert_array_equal(faces[..., 2], face.triangles)
+
+
+def test_ply(face):
+    """Each corner has its position and its texture coordinate, also on the seam."""
+    header, _, body = ply(face).partition(b"end_header\n")
+    words = header.decode().split()
+    counts = [
+        int(words[words.index("element", start) + 2]) for start in (0, words.index("face") - 1)
+    ]
+    vertex = np.frombuffer(body, "<f4", counts[0] * 8).reshape(-1, 8)
+    faces = np.frombuffer(body[vertex.nbytes :], np.dtype([("n", "u1"), ("i", "<i4", 3)]))
+    assert counts[1] == len(faces) == len(face.triangles)
+    assert (faces["n"] == 3).all()
+    np.testing.assert_array_equal(vertex[faces["i"], :3], face.vertices[face.triangles])
+    np.testing.assert_array_equal(vertex[faces["i"], 6:], face.uv[face.triangle_uv])
+    np.testing.assert_allclose(np.linalg.norm(vertex[:, 3:6], axis=1), 1, atol=1e-5)

@@ -1,0 +1,203 @@
+"""What is saved is loaded again to the bit; a broken folder is named, never trusted."""
+
+import dataclasses
+import json
+import shutil
+import tomllib
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from unlit.errors import OutputError
+from unlit.output import FILES, load, needed_bytes, save
+from unlit.reconstruction import Reconstruction
+
+pytestmark = pytest.mark.usefixtures("no_relight")
+
+
+@pytest.fixture(scope="module")
+def saved(face, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("saved") / "result"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Reconstruction, "relight", lambda self, light: self.diffuse_albedo)
+        save(face, folder, log="said\n")
+    return folder
+
+
+@pytest.fixture
+def folder(saved, tmp_path) -> Path:
+    """A copy of the saved result that a test may break."""
+    return Path(shutil.copytree(saved, tmp_path / "result"))
+
+
+def assert_same(a, b) -> None:
+    """Equal type, shape and bits."""
+    if dataclasses.is_dataclass(a):
+        for field in dataclasses.fields(a):
+            assert_same(getattr(a, field.name), getattr(b, field.name))
+    elif isinstance(a, np.ndarray):
+        assert (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
+    else:
+        assert a == b
+        assert type(a) is type(b)
+
+
+def test_round_trip_is_exact(face, folder):
+    """Every field, including the camera's floats and the crop's matrix."""
+    assert_same(load(folder), face)
+
+
+def test_the_folder_holds_what_it_says(folder):
+    """All files of the list and no other, none empty."""
+    table = tomllib.loads((folder / "reconstruction.toml").read_text())
+    assert {path.name for path in folder.iterdir()} == set(FILES) == set(table["files"])
+    assert all(path.stat().st_size for path in folder.iterdir())
+    assert table["photo"] == "grüße.jpg"
+    assert (folder / "reconstruction.log").read_text() == "said\n"
+
+
+def test_the_same_result_gives_the_same_bytes(face, folder, tmp_path):
+    """No time stamps: two runs can be compared file by file."""
+    save(face, tmp_path / "second", log="said\n")
+    for path in folder.iterdir():
+        assert path.read_bytes() == (tmp_path / "second" / path.name).read_bytes(), path.name
+
+
+def test_exports_for_other_programs(face, folder):
+    """The JSON files hold the camera matrix and every lobe to the bit of float32."""
+    camera = json.loads((folder / "camera.json").read_text())
+    assert camera["intrinsics"][0] == [face.camera.focal, 0, face.camera.cx]
+    light = json.loads((folder / "light.json").read_text())
+    np.testing.assert_array_equal(np.array(light["axis"], np.float32), face.light.axis)
+    np.testing.assert_array_equal(np.array(light["sharpness"], np.float32), face.light.sharpness)
+
+
+def test_needed_room_is_not_underestimated(folder):
+    """Checked before a run: what a result takes must fit into it."""
+    taken = sum(path.stat().st_size for path in folder.iterdir())
+    assert taken < needed_bytes(32)
+
+
+def test_numpy_numbers_and_tuples_become_plain(face, tmp_path):
+    """Metrics and settings may hold NumPy scalars."""
+    odd = dataclasses.replace(
+        face, metrics={"a": np.float32(0.5), "b": (1, np.int64(2))}, settings={"n": np.int32(3)}
+    )
+    save(odd, tmp_path / "odd")
+    again = load(tmp_path / "odd")
+    assert again.metrics == {"a": 0.5, "b": [1, 2]}
+    assert again.settings == {"n": 3}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("format = 1", "format = 99", "format 99"),
+        ("format = 1", "", "format is missing"),
+        ("photo = ", "picture = ", "photo is missing"),
+        ("focal = ", 'focal = "x" #', "camera.focal is not valid"),
+        ("[crop]", "[crops]", "crop is missing"),
+        ("resolution = 32", "resolution = 31", "31 pixels"),
+        ("matrix = [", "matrix = [1, ", "crop.matrix is not valid"),
+        ("[settings]", "[[[", "no valid TOML"),
+    ],
+)
+def test_a_broken_toml_names_the_field(folder, old, new, named):
+    """One line with the file and the field."""
+    path = folder / "reconstruction.toml"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(OutputError) as caught:
+        load(folder)
+    message = str(caught.value)
+    assert "reconstruction.toml: " in message
+    assert named in message
+    assert "\n" not in message
+
+
+def rewrite(folder: Path, name: str, array: np.ndarray | bytes | None) -> None:
+    """Replace one member of reconstruction.npz, or drop it."""
+    path = folder / "reconstruction.npz"
+    with zipfile.ZipFile(path) as archive:
+        members = {member: archive.read(member) for member in archive.namelist()}
+    members.pop(f"{name}.npy")
+    with zipfile.ZipFile(path, "w") as archive:
+        for member, data in members.items():
+            archive.writestr(member, data)
+        if isinstance(array, bytes):
+            archive.writestr(f"{name}.npy", array)
+        elif array is not None:
+            with archive.open(f"{name}.npy", "w") as file:
+                np.lib.format.write_array(file, array, allow_pickle=True)
+
+
+class Bomb:
+    """Ends the test run if it is ever unpickled."""
+
+    def __reduce__(self):
+        return (pytest.exit, ("a pickle was loaded",))
+
+
+@pytest.mark.parametrize(
+    ("name", "array", "named"),
+    [
+        ("mask", None, "mask is missing"),
+        ("mask", np.zeros((32, 32)), "mask has type float64, expected float32"),
+        ("mask", np.zeros((32, 31), "f4"), "mask has shape"),
+        ("image", np.zeros((32, 32), "f4"), "image has shape"),
+        ("uv", np.zeros((0, 2), "f4"), "uv has shape"),
+        ("triangles", np.full((256, 3), 999, "i4"), "triangles points outside"),
+        ("triangles", np.full((256, 3), -1, "i4"), "triangles points outside"),
+        ("light_axis", np.zeros((11, 3), "f4"), "light_sharpness has shape"),
+        ("render", np.array(Bomb(), dtype=object), "render has type object"),
+        ("render", b"\x93NUMPY junk", "render is damaged"),
+        ("render", b"", "render is damaged"),
+    ],
+)
+def test_a_broken_array_is_named(folder, name, array, named):
+    """Type and shape are checked, nothing is unpickled."""
+    rewrite(folder, name, array)
+    with pytest.raises(OutputError, match=r"reconstruction\.npz: ") as caught:
+        load(folder)
+    assert named in str(caught.value)
+
+
+def test_a_huge_array_takes_no_memory(folder):
+    """A header of a terabyte is refused before a byte is reserved for it."""
+    header = b"{'descr': '<f4', 'fortran_order': False, 'shape': (600000, 600000, 3), }\n"
+    data = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
+    rewrite(folder, "image", data)
+    with pytest.raises(OutputError, match=r"image has shape .*; S is 1 to 4096"):
+        load(folder)
+
+
+def test_cut_off_and_missing_files(folder):
+    """An npz cut in half, one that is no archive, none; metrics that are none."""
+    path = folder / "reconstruction.npz"
+    whole = path.read_bytes()
+    for damaged in (whole[: len(whole) // 2], b"text", b""):
+        path.write_bytes(damaged)
+        with pytest.raises(OutputError, match=r"reconstruction\.npz: .* damaged or cut off"):
+            load(folder)
+    path.unlink()
+    with pytest.raises(OutputError, match=r"reconstruction\.npz: no such file"):
+        load(folder)
+    path.write_bytes(whole)
+    (folder / "metrics.json").write_text("[1]")
+    with pytest.raises(OutputError, match=r"metrics\.json: "):
+        load(folder)
+
+
+def test_a_folder_that_is_no_result(tmp_path):
+    """Missing, a file, or somebody else's."""
+    (tmp_path / "file").write_text("x")
+    for name, reason in (
+        (".", "reconstruction.toml is missing"),
+        ("no", "no such"),
+        ("file", "no such"),
+    ):
+        with pytest.raises(OutputError, match=reason):
+            load(tmp_path / name)
