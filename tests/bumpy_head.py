@@ -12,6 +12,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 from scipy import ndimage
+from scipy.spatial import ConvexHull
 
 from unlit._runtime import mitsuba
 from unlit.render.transport import Points
@@ -25,10 +26,11 @@ DISTANCE = 70.0
 RADIUS = 9.0
 # World, cm: centre, height and width of the Gaussian bumps; the first is the nose.
 _BUMPS = (
-    ((0.0, -0.05, 1.0), 2.2, 0.20),
-    ((0.33, 0.28, 0.9), -1.0, 0.22),
-    ((-0.33, 0.28, 0.9), -1.0, 0.22),
-    ((0.0, -0.62, 0.8), 0.9, 0.22),
+    ((0.0, -0.05, 1.0), 2.8, 0.17),
+    ((0.36, 0.25, 0.9), -1.8, 0.20),
+    ((-0.36, 0.25, 0.9), -1.8, 0.20),
+    ((0.0, -0.42, 0.9), -1.4, 0.15),
+    ((0.0, -0.75, 0.7), 1.4, 0.20),
     ((0.75, 0.0, 0.65), 0.5, 0.35),
     ((-0.7, -0.3, 0.65), 0.4, 0.30),
 )
@@ -39,12 +41,11 @@ def ball(subdivisions: int) -> tuple[np.ndarray, np.ndarray]:
     g = (1 + np.sqrt(5)) / 2
     vertices = [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g)]
     vertices += [(0, -1, -g), (0, 1, -g), (g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)]
-    triangles = np.array(
-        "0 11 5 0 5 1 0 1 7 0 7 10 0 10 11 1 5 9 5 11 4 11 10 2 10 7 6 7 1 8 "
-        "3 9 4 3 4 2 3 2 6 3 6 8 3 8 9 4 9 5 2 4 11 6 2 10 8 6 7 9 8 1".split(),
-        dtype=np.int32,
-    ).reshape(-1, 3)
     points = np.array(vertices)
+    triangles = ConvexHull(points).simplices.astype(np.int32)
+    a, b, c = points[triangles].swapaxes(0, 1)
+    inward = (np.cross(b - a, c - a) * a).sum(axis=1) < 0
+    triangles[inward] = triangles[inward, ::-1]
     for _ in range(subdivisions):
         edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
         unique, inverse = np.unique(edges, axis=0, return_inverse=True)
@@ -68,9 +69,9 @@ def bumpy_head(subdivisions: int = 4) -> tuple[np.ndarray, np.ndarray]:
     return vertices.astype(np.float32), triangles
 
 
-def camera(size: int, width: int | None = None) -> Camera:
+def camera(size: int) -> Camera:
     """A camera whose field, 23 cm at the head, holds the head; principal point off centre."""
-    return Camera(width or size, size, size * DISTANCE / 23.0, (width or size) / 2 - 1.3, size / 2 + 2.1)
+    return Camera(size, size, size * DISTANCE / 23.0, size / 2 - 1.3, size / 2 + 2.1)
 
 
 def painted(size: int, seed: int = 3) -> Maps:
@@ -82,7 +83,7 @@ def painted(size: int, seed: int = 3) -> Maps:
         return (field / field.std()).astype(np.float32)
 
     albedo = np.stack([0.45 + 0.05 * noise(), 0.3 + 0.04 * noise(), 0.25 + 0.04 * noise()], axis=2)
-    bend = 0.08 * np.stack([noise(), noise(), noise()], axis=2)
+    bend = 0.05 * np.stack([noise(), noise(), noise()], axis=2)
     return Maps(
         np.clip(albedo, 0.02, 0.9).astype(np.float32),
         (0.9 + 0.1 * noise()).astype(np.float32),
@@ -93,7 +94,7 @@ def painted(size: int, seed: int = 3) -> Maps:
 
 @dataclass(frozen=True)
 class View:
-    """A mesh as `camera` sees it: its hits and its shading points with the bent normals of `maps`."""
+    """A mesh as `camera` sees it: its hits, and shading points with the bent normals of `maps`."""
 
     mesh: Mesh
     camera: Camera
@@ -110,7 +111,7 @@ class View:
         return out.reshape(self.camera.height, self.camera.width, *rows.shape[1:])
 
     def inside(self, margin: int = 6, facing: float = 0.2) -> np.ndarray:
-        """(H, W) bool: pixels off the silhouette by `margin`, normals at least so far turned here."""
+        """(H, W) bool: at least `margin` pixels off the silhouette, cosine to the viewer > `facing`."""
         cosine = self.image(dr.dot(self.points.geometric, self.points.to_viewer))
         return ndimage.binary_erosion(cosine > facing, iterations=margin)
 

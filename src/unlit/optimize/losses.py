@@ -98,3 +98,11 @@ def shape_l2(vertices: Any, start: Any, unit: float) -> Any:
 def normal_l2(perturbation: Any) -> Any:
     """Mean squared norm of the normal perturbation (paper, section 3.4)."""
     return dr.sum(dr.squared_norm(perturbation)) / dr.width(perturbation)
+
+
+def gloss_l1(log_specular: Any, nominal: float, s: Any, weight: Any) -> Any:
+    """Weighted mean of |rho_s - nominal| S: gloss that departs from a clean skin surface's.
+
+    s: mi.Float or mi.Color3f, width P.
+    """
+    return dr.sum(weight * dr.abs(dr.exp(log_specular) - nominal) * dr.mean(mi.Color3f(s)))

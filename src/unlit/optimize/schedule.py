@@ -73,15 +73,25 @@ class Settings:
     #: Bounds of the sharpness during the optimisation.
     min_sharpness: float = 4.0
     max_sharpness: float = 600.0
-    #: Starting specular albedo of every region.
-    start_specular: float = 0.7
+    #: Specular albedo of a clean skin surface, from which every region starts.
+    nominal_specular: float = 0.7
+    #: Cost of gloss that departs from it, |rho_s - nominal| S: a constant veil of gloss cannot be
+    #: told from paler albedo, and without a cost its level drifts.
+    specular_cost: float = 0.1
     #: Upper bound of the specular albedo; far above any skin's, because albedo and light share
     #: one unknown gain.
     max_specular: float = 20.0
+    #: Upper bound of the diffuse albedo (physics: no skin returns more light than falls on it),
+    #: in the convention that the best-lit skin has E = 1.
+    max_diffuse: float = 1.0
+    #: Error of the shading E that the model is believed to make, where full light is E = 1. The
+    #: albedo maps trust a pixel by E / (E + shading_error): what is seen in the shadows says
+    #: little about albedo.
+    shading_error: float = 0.2
     #: Factors on Table 1's weights of smoothness and of the normal perturbation: how the paper
     #: normalises these terms is not given.
     smoothness_scale: float = 1.0
-    normal_scale: float = 1.0
+    normal_scale: float = 30.0
 
     #: Rank of the transport's factorisation: diffuse, specular.
     diffuse_rank: int = 96

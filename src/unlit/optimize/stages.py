@@ -22,7 +22,7 @@ from ..scene.lobes import CellRadiance
 from ..scene.maps import DIFFUSE_BLUR
 from ..scene.mesh import surface, vertex_normals
 from .blur import Blur
-from .losses import image_l1, landmark_l2, normal_l2, shape_l2, total_variation
+from .losses import gloss_l1, image_l1, landmark_l2, normal_l2, shape_l2, total_variation
 from .optimizer import Adam
 from .problem import Estimate, LightSample, Problem, Shading
 from .schedule import Settings, Stage
@@ -112,6 +112,7 @@ class _Run:
             adam["axis"] = dr.normalize(adam["axis"])
             adam["log_sharpness"] = dr.clip(adam["log_sharpness"], low, high)
         adam["log_specular"] = dr.fmin(adam["log_specular"], np.log(settings.max_specular))
+        adam["log_diffuse"] = dr.fmin(adam["log_diffuse"], np.log(settings.max_diffuse))
         iterations = self.stage.iterations
         if iteration % REPORT == 0 or iteration == iterations - 1:
             value = float(loss.numpy().item())
@@ -163,13 +164,12 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
         if iteration % settings.refresh_interval == 0:
             shading.update(dr.detach(radiance).numpy(), problem.maps(spread()))
         e, s = sample.transport.shade(radiance)
-        image = _render(
-            _spread(masks, adam["log_diffuse"]),
-            _spread(masks, adam["log_specular"]),
-            e + sample.of(shading.indirect[0]),
-            s + sample.of(shading.indirect[1]),
-        )
-        run.step(iteration, stage.image * image_l1(image, sample.target, sample.weight))
+        e, s = e + sample.of(shading.indirect[0]), s + sample.of(shading.indirect[1])
+        log_specular = _spread(masks, adam["log_specular"])
+        image = _render(_spread(masks, adam["log_diffuse"]), log_specular, e, s)
+        loss = stage.image * image_l1(image, sample.target, sample.weight)
+        loss += _gloss(settings, log_specular, s, sample.weight)
+        run.step(iteration, loss)
     return spread()
 
 
@@ -185,7 +185,7 @@ def _base_start(
         inside = share > 0.5
         colours.append(np.median(image[inside if inside.any() else slice(None)], axis=0) / level)
     log_colours = np.log(np.maximum(np.array(colours), 1e-3)).astype(np.float32)
-    specular = np.full(len(colours), np.log(problem.settings.start_specular), dtype=np.float32)
+    specular = np.full(len(colours), np.log(problem.settings.nominal_specular), dtype=np.float32)
     return mi.Color3f(np.ascontiguousarray(log_colours.T)), mi.Float(specular)
 
 
@@ -194,6 +194,20 @@ def _spread(masks: list[Any], log_base: Any) -> Any:
     kind = type(log_base)
     base = dr.exp(log_base)
     return dr.log(sum(m * dr.gather(kind, base, mi.UInt32(k)) for k, m in enumerate(masks)))
+
+
+def _gloss(settings: Settings, log_specular: Any, s: Any, weight: Any) -> Any:
+    """Of two explanations that fit alike, the one with the gloss of plain skin."""
+    return settings.specular_cost * gloss_l1(log_specular, settings.nominal_specular, s, weight)
+
+
+def _trusted(problem: Problem, e: Any) -> Any:
+    """Weight of each pixel's evidence on albedo and normals, sum 1: its own times E / (E + error)."""
+    level = dr.mean(dr.detach(e))
+    weight = problem.weight * level / (level + problem.settings.shading_error)
+    weight /= dr.sum(weight)
+    dr.eval(weight)
+    return weight
 
 
 def _light_loss(
@@ -228,16 +242,19 @@ def stage2(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     adam = run.adam
     e: Any = None
     s: Any = None
+    weight: Any = None
     for iteration in range(stage.iterations):
         radiance = _radiance(cells, adam)
         if iteration % settings.refresh_interval == 0:
             known = dr.detach(radiance).numpy()
             shading.update(known, problem.maps(run.result(estimate, *names)))
             e, s = shading.shade(known)
+            weight = _trusted(problem, e)
             dr.eval(e, s)
         image = _render(adam["log_diffuse"], adam["log_specular"], e, s)
-        loss = stage.image * image_l1(image, problem.target, problem.weight)
+        loss = stage.image * image_l1(image, problem.target, weight)
         loss += _smoothness(stage, problem, adam["log_diffuse"], adam["log_specular"])
+        loss += _gloss(settings, adam["log_specular"], s, weight)
         lit = _light_loss(sample, shading, adam, *sample.transport.shade(radiance))
         run.step(iteration, loss, stage.image * lit)
     return run.result(estimate, *names)
@@ -278,6 +295,7 @@ def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate
     sample = LightSample(problem, shading)
     traced = begin
     local: Any = None
+    weight: Any = None
     turned: tuple[Any, Any] = (0.0, 0.0)
     for iteration in range(stage.iterations):
         vertices = dr.unravel(mi.Point3f, steps.from_differential(adam["latent"]))
@@ -294,20 +312,18 @@ def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate
             known = dr.detach(radiance)
             shading.update(known.numpy(), problem.maps(run.result(estimate, *names)))
             local = linearize(shading.points, shading.directions, shading.bits, known.numpy())
+            weight = _trusted(problem, local.diffuse + shading.indirect[0])
             e, s = sample.transport.shade(known)
             turned = (sample.of(local.diffuse) - e, sample.of(local.specular) - s)
             dr.eval(turned)
         normals = vertex_normals(vertices, triangles)
         _, normal, _ = surface(problem.camera, problem.hits, vertices, normals, triangles)
         e, s = local.shade(normal, normal)
-        image = _render(
-            adam["log_diffuse"],
-            adam["log_specular"],
-            e + shading.indirect[0],
-            s + shading.indirect[1],
-        )
-        loss = stage.image * image_l1(image, problem.target, problem.weight)
+        e, s = e + shading.indirect[0], s + shading.indirect[1]
+        image = _render(adam["log_diffuse"], adam["log_specular"], e, s)
+        loss = stage.image * image_l1(image, problem.target, weight)
         loss += _smoothness(stage, problem, adam["log_diffuse"], adam["log_specular"])
+        loss += _gloss(settings, adam["log_specular"], s, weight)
         loss += stage.landmark * landmarks.loss(vertices)
         loss += stage.shape * shape_l2(vertices, fitted, settings.shape_unit)
         e, s = sample.transport.shade(radiance)
@@ -337,6 +353,7 @@ def _normals_and_albedo(
     mesh_normal = problem.points().specular_normal
     radiance = CellRadiance(shading.cells).of(estimate.light())
     local: Any = None
+    weight: Any = None
     for iteration in range(stage.iterations):
         perturbation = adam["perturbation"]
         specular_normal = dr.normalize(mesh_normal + perturbation)
@@ -347,15 +364,13 @@ def _normals_and_albedo(
             shading.points = problem.points(*turned)
             local = linearize(shading.points, shading.directions, shading.bits, radiance)
             shading.update(radiance, problem.maps(run.result(estimate, *names)))
+            weight = _trusted(problem, local.diffuse + shading.indirect[0])
         e, s = local.shade(diffuse_normal, specular_normal)
-        image = _render(
-            adam["log_diffuse"],
-            adam["log_specular"],
-            e + shading.indirect[0],
-            s + shading.indirect[1],
-        )
-        loss = stage.image * image_l1(image, problem.target, problem.weight)
+        e, s = e + shading.indirect[0], s + shading.indirect[1]
+        image = _render(adam["log_diffuse"], adam["log_specular"], e, s)
+        loss = stage.image * image_l1(image, problem.target, weight)
         loss += _smoothness(stage, problem, adam["log_diffuse"], adam["log_specular"])
+        loss += _gloss(settings, adam["log_specular"], s, weight)
         loss += stage.normal * settings.normal_scale * normal_l2(perturbation)
         run.step(iteration, loss)
     return run.result(estimate, *names)

@@ -27,7 +27,7 @@ class FaceBSDF(mi.BSDF):
     """Lambert + Beckmann with separate normals (scene/brdf.py) on image-space maps.
 
     Sampling picks one of two techniques evenly: a cosine about the diffuse normal, or the visible
-    Beckmann normals about the specular one.
+    Beckmann normals about the specular one; only the former where that normal turns away.
     """
 
     def __init__(self, props: Any) -> None:
@@ -93,9 +93,9 @@ class FaceBSDF(mi.BSDF):
         facets = mi.MicrofacetDistribution(mi.MicrofacetType.Beckmann, alpha, True)
         local = frame.to_local(viewer)
         lobe = facets.pdf(local, frame.to_local(half)) / (4 * dr.fmax(dr.dot(towards, half), 1e-6))
-        usable = (local.z > 0) & (dr.dot(towards, half) > 0)
+        lobe = dr.select(dr.dot(towards, half) > 0, lobe, 0)
         cosine = dr.fmax(dr.dot(n_d, towards), 0) / dr.pi
-        return 0.5 * cosine + 0.5 * dr.select(usable, lobe, 0)
+        return dr.select(local.z > 0, 0.5 * cosine + 0.5 * lobe, cosine)
 
     def sample(
         self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True
@@ -105,9 +105,10 @@ class FaceBSDF(mi.BSDF):
         cosine = mi.Frame3f(n_d).to_world(mi.warp.square_to_cosine_hemisphere(sample2))
         frame = mi.Frame3f(n_s)
         facets = mi.MicrofacetDistribution(mi.MicrofacetType.Beckmann, alpha, True)
-        half = facets.sample(frame.to_local(viewer), sample2)[0]
-        reflected = frame.to_world(mi.reflect(frame.to_local(viewer), half))
-        towards = dr.select(sample1 < 0.5, cosine, reflected)
+        local = frame.to_local(viewer)
+        half = facets.sample(local, sample2)[0]
+        reflected = frame.to_world(mi.reflect(local, half))
+        towards = dr.select((sample1 < 0.5) | (local.z <= 0), cosine, reflected)
         bs = dr.zeros(mi.BSDFSample3f, dr.width(si.p))
         bs.wo = si.to_local(towards)
         value, bs.pdf = self.eval_pdf(ctx, si, bs.wo, active)

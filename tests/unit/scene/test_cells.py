@@ -68,15 +68,17 @@ def test_average_keeps_the_flux_when_edges_cross_pixels() -> None:
 
 @pytest.mark.parametrize("environment", [flash(), disc((0.87, 0.1, 0.5)), disc((0, 1, 0.01))])
 def test_refine_keeps_flux_and_finds_small_lights(environment: np.ndarray) -> None:
-    """Cells get small where the light is, its flux stays, the limit holds."""
+    """No cell holds much of a small light, the lit cells fit its outline; flux and limit hold."""
     cells = refine(grid_cells(), environment)
     flux = (environment * latlong_solid_angles(180, 360)).sum()
     mean = cells.average(environment)
     assert (mean * cells.solid_angle).sum() == pytest.approx(flux, rel=1e-4)
     assert cells.solid_angle.sum() == pytest.approx(4 * np.pi)
     assert 648 < len(cells) <= 2500
-    height = np.degrees(np.diff(cells.theta, axis=1)[:, 0])
-    assert height[mean > 0.5 * mean.max()].max() < 1.5
+    assert (mean * cells.solid_angle).max() < 0.025 * flux
+    lit = mean > 0.01 * mean.max()
+    outline = latlong_solid_angles(180, 360)[environment > 0].sum()
+    assert cells.solid_angle[lit].sum() < 2 * outline
     assert len(refine(grid_cells(), environment, limit=800)) <= 800
 
 

@@ -1,5 +1,8 @@
 """The light: lobes, their raster, the standard lights, and the environment map's convention."""
 
+from typing import Any
+
+import drjit as dr
 import numpy as np
 import pytest
 
@@ -33,14 +36,12 @@ def test_solid_angles_fill_the_sphere() -> None:
     omega = latlong_solid_angles(*RASTER)
     assert omega.shape == RASTER
     assert omega.sum() == pytest.approx(4 * np.pi)
-    assert omega[90, 0] / omega[30, 0] == pytest.approx(np.sin(np.radians(90.5)) / np.sin(np.radians(30.5)), rel=1e-3)
+    sines = np.sin(np.radians([90.5, 30.5]))
+    assert omega[90, 0] / omega[30, 0] == pytest.approx(sines[0] / sines[1], rel=1e-3)
 
 
 def test_directions_follow_the_convention() -> None:
-    """The map's centre is +z, frontal light; the top is +y; left of the centre is -x... as u grows.
-
-    Column u holds phi = 2 pi u with d = (sin phi, 0, -cos phi): a quarter of the map is +x.
-    """
+    """The map's centre is +z, frontal light; its top is +y; a quarter from the left is +x."""
     d = latlong_directions(180, 360)
     assert np.linalg.norm(d, axis=-1) == pytest.approx(1.0)
     assert d[90, 180] == pytest.approx([0, 0, 1], abs=0.02)
@@ -110,7 +111,6 @@ def test_mitsuba_puts_a_bright_pixel_in_the_same_direction() -> None:
     )
     size = (360, 720)
     directions = latlong_directions(*size)
-    si = mi.SurfaceInteraction3f()
     si = _looking(directions)
     seen = scene.environment().eval(si).numpy()[0].reshape(size)
     peak = np.unravel_index(np.argmax(seen), size)
@@ -133,13 +133,12 @@ def test_mitsuba_sees_the_same_irradiance(name: str) -> None:
     )
     size = (4 * 180, 4 * 360)
     seen = scene.environment().eval(_looking(latlong_directions(*size))).numpy()[0].reshape(size)
-    assert irradiance(seen, (0.4, 0.1, 0.9)) == pytest.approx(irradiance(ours, (0.4, 0.1, 0.9)), rel=2e-3)
+    n = (0.4, 0.1, 0.9)
+    assert irradiance(seen, n) == pytest.approx(irradiance(ours, n), rel=2e-3)
 
 
-def _looking(directions: np.ndarray):
+def _looking(directions: np.ndarray) -> Any:
     """Interactions at infinity of rays that leave along `directions` (H, W, 3)."""
-    import drjit as dr
-
     flat = np.ascontiguousarray(directions.reshape(-1, 3).T, dtype=np.float32)
     si = dr.zeros(mi.SurfaceInteraction3f, flat.shape[1])
     si.wi = -mi.Vector3f(flat)

@@ -1,0 +1,40 @@
+"""Gradients of the image loss with respect to every parameter, against central differences."""
+
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from bumpy_head import bumpy_head, camera, painted
+
+LIGHT = ("axis", "log_sharpness", "log_amplitude")
+
+
+@pytest.fixture(scope="module")
+def case(gradients: ModuleType) -> Any:
+    return gradients.Case(*bumpy_head(), camera(96), painted(96))
+
+
+def test_gradients_match_central_differences(case: Any) -> None:
+    """Within 1 % along random directions, vertices (with visibility fixed) within 5 %."""
+    for name, result in case.check(6).items():
+        assert np.abs(result.numeric).max() > 1e-5, name
+        assert result.error < (0.05 if name == "vertices" else 0.01), name
+
+
+def test_low_rank_gradients_point_the_same_way(gradients: ModuleType, case: Any) -> None:
+    """At the working rank the light's gradient is that of the exact image to a few per cent."""
+    full = case.gradients(gradients.FULL_RANK)
+    low = case.gradients(gradients.WORKING_RANK)
+    for name in LIGHT:
+        a, b = full[name].ravel(), low[name].ravel()
+        assert a @ b / np.linalg.norm(a) / np.linalg.norm(b) > 0.99, name
+        assert np.linalg.norm(b - a) < 0.1 * np.linalg.norm(a), name
+
+
+def test_diffuse_albedo_gradient_is_mitsubas(gradients: ModuleType) -> None:
+    """Within the noise of Mitsuba's differentiable path tracer, without bias."""
+    head = (*bumpy_head(), camera(48), painted(48))
+    error, bias = gradients.albedo_beside_mitsuba(*head, samples=256)
+    assert error < 0.02
+    assert abs(bias) < 0.005
