@@ -5,8 +5,9 @@
 Every derivative the optimiser uses (transport for the light, linearised shading for normals and
 vertices) is held against central differences of the exact renderer along random directions;
 visibility is fixed in both. The light's are given for transport of full rank, and as optimised:
-white noise in the residual and in the direction is the worst case for a low rank. The gradient of the diffuse albedo is also compared with
-Mitsuba's own differentiable path tracer (`prb`) on the same plugin.
+white noise in the residual and in the direction is the worst case for a low rank. The
+gradient of the diffuse albedo is also compared with Mitsuba's own differentiable path tracer
+(`prb`) on the same plugin.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from scipy import ndimage
+from threadpoolctl import threadpool_limits
 
 import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is loaded
 
@@ -167,7 +169,9 @@ class Case:
             image = dr.exp(mi.Color3f(log_diffuse)) * e + dr.exp(log_specular) * s
             dr.backward(image_l1(image, target, weight))
 
-        light = Transport(points, self.directions, self.bits, rank)
+        # Two pools of threads that both spin while waiting cost several times the time.
+        with threadpool_limits(1, user_api="blas"):
+            light = Transport(points, self.directions, self.bits, rank)
         radiance = self.lobes(
             dr.normalize(state["axis"]),
             dr.exp(state["log_sharpness"]),

@@ -111,7 +111,7 @@ class View:
         return out.reshape(self.camera.height, self.camera.width, *rows.shape[1:])
 
     def inside(self, margin: int = 6, facing: float = 0.2) -> np.ndarray:
-        """(H, W) bool: at least `margin` pixels off the silhouette, cosine to the viewer > `facing`."""
+        """(H, W) bool: `margin` pixels off the silhouette, cosine to the viewer over `facing`."""
         cosine = self.image(dr.dot(self.points.geometric, self.points.to_viewer))
         return ndimage.binary_erosion(cosine > facing, iterations=margin)
 

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+import unlit  # noqa: F401  (first: it decides which LLVM drjit loads)
+
 
 @pytest.fixture(scope="session")
 def shared() -> Path:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -42,7 +43,7 @@ def ict_subject(
         triangles = data["triangles"].astype(np.int32)
         landmarks = data["landmarks_multipie68"].astype(int)
     triangles = triangles[(triangles < _USED).all(axis=1)]
-    centre = shape[landmarks].mean(axis=0) + (0, 1.5, -3)
+    centre = shape[landmarks].mean(axis=0) + np.array([0, 1.5, -3])
     turn = Rotation.from_euler("yx", [yaw, 3.0], degrees=True).as_matrix()
     vertices = ((shape - centre) @ turn.T + (0, 0, -90)).astype(np.float32)[:_USED]
     camera = Camera(size, size, 90 * size / 26.0, size / 2, size / 2)
@@ -52,12 +53,19 @@ def ict_subject(
     lips = np.concatenate([seen[48:60]])
     features = Features(lips, (seen[17:22], seen[22:27]))
     maps = paint(
-        vertices, triangles, eyes, camera, features, skin, seed, freckles=freckles, lipstick=lipstick
+        vertices,
+        triangles,
+        eyes,
+        camera,
+        features,
+        skin,
+        seed,
+        freckles=freckles,
+        lipstick=lipstick,
     )
-    oval = np.concatenate([seen[0:17], seen[26:21:-1] - (0, 30 * size / 512), seen[21:16:-1] - (0, 30 * size / 512)])
+    raised = np.array([0, 30 * size / 512])
+    oval = np.concatenate([seen[0:17], seen[26:21:-1] - raised, seen[21:16:-1] - raised])
     mask = np.zeros((size, size), dtype=np.uint8)
-    import cv2
-
     cv2.fillPoly(mask, [np.round(oval).astype(np.int32)], 1)
     mask = cv2.erode(mask, np.ones((5, 5), np.uint8)) > 0
     return Subject(f"ict-{skin}-{seed}", vertices, triangles, camera, maps, mask)

@@ -60,6 +60,11 @@ def mitsuba() -> ModuleType:
     if wanted is not None and wanted not in known:
         raise MachineError(f"{VARIANT_VARIABLE}={wanted}: choose one of {', '.join(known)}")
     backends = {"cuda_ad_rgb": dr.JitBackend.CUDA, "llvm_ad_rgb": dr.JitBackend.LLVM}
+    if (0,) < tuple(dr.detail.llvm_version()) < (16,):
+        raise MachineError(
+            f"LLVM {dr.detail.llvm_version()[0]} was loaded, which crashes on these kernels: "
+            "import unlit before drjit and mitsuba, or set DRJIT_LIBLLVM_PATH to LLVM 16 or newer"
+        )
     for variant in (wanted,) if wanted else known:
         if dr.has_backend(backends[variant]):
             mi.set_variant(variant)

@@ -1,4 +1,4 @@
-"""Errors a user can cause and mend: the command line prints their message as one line, no traceback."""
+"""Errors a user can cause and mend: the command line prints their message, no traceback."""
 
 
 class UnlitError(Exception):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import resource
+import contextlib
 import sys
 import time
 from collections.abc import Callable
@@ -25,9 +25,13 @@ from .perception.landmarks import Face, find_faces
 from .perception.regions import Regions, segment
 from .photo import Crop, Photo, face_crop, read_photo
 from .reconstruction import Reconstruction
+from .scene.arrays import device
 from .scene.camera import Camera
-from .scene.cells import grid_cells
 from .scene.lobes import CellRadiance
+
+resource: Any = None
+with contextlib.suppress(ImportError):  # Unix only
+    import resource
 
 mi = mitsuba()
 
@@ -152,7 +156,10 @@ def solve(
 ) -> Reconstruction:
     """The five stages on one capture, starting from the mesh `head`."""
     lap = clock or _Clock()
-    problem = Problem(evidence(capture, head), settings, progress)
+    try:
+        problem = Problem(evidence(capture, head), settings, progress)
+    except ValueError as error:
+        raise FaceError(f"{capture.photo_name}: {error}; use a photo with a clearer view") from None
 
     def result(estimate: Estimate, shading: Shading | None) -> Reconstruction:
         metrics = {
@@ -206,8 +213,9 @@ def choose(faces: list[Face], which: str | int, source: str) -> Face:
         return faces[0]
     if isinstance(which, int) and 0 <= which < len(faces):
         return faces[which]
-    raise FaceError(f"{source}: no face {which!r}; {len(faces)} found: use largest or 0 to "
-                    f"{len(faces) - 1}")
+    raise FaceError(
+        f"{source}: no face {which!r}; {len(faces)} found: use largest or 0 to {len(faces) - 1}"
+    )
 
 
 def crop_camera(photo: Photo, crop: Crop) -> Camera:
@@ -252,8 +260,8 @@ def _result(
     points = problem.points()
     mesh_normal = points.specular_normal
     bent = {
-        "specular": mi.Vector3f(_rows(problem, maps.perturbation)),
-        "diffuse": mi.Vector3f(_rows(problem, maps.diffuse_perturbation())),
+        "specular": device(mi.Vector3f, _rows(problem, maps.perturbation)),
+        "diffuse": device(mi.Vector3f, _rows(problem, maps.diffuse_perturbation())),
     }
     normals = {name: dr.normalize(mesh_normal + e) for name, e in bent.items()}
     light = estimate.light()
@@ -295,7 +303,7 @@ def _result(
 
 
 def _rows(problem: Problem, image: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(image.reshape(-1, 3)[problem.pixel].T)
+    return image.reshape(-1, 3)[problem.pixel]
 
 
 class _Clock:
@@ -312,6 +320,6 @@ class _Clock:
 
 
 def _peak_memory() -> float:
-    """Peak resident memory of this process, megabytes (10^6)."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    """Peak resident memory of this process, megabytes (10^6); 0 where the system does not tell."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss if resource else 0
     return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6

@@ -27,7 +27,7 @@ class Reconstruction:
     uv: (T, 2) in [0, 1], v up; triangle_uv: (F, 3) int32 into uv.
     diffuse_albedo: (S, S, 3) linear sRGB. specular_albedo: (S, S), a factor on the Beckmann lobe.
     roughness: (S, S), Beckmann alpha.
-    specular_normal, diffuse_normal: (S, S, 3) unit, world frame; zero where the camera sees no head.
+    specular_normal, diffuse_normal: (S, S, 3) unit, world frame; zero outside the mask.
     perturbation: (S, S, 3), world frame: what was added to the mesh's normal (stage 4).
     diffuse_shading, specular_shading: (S, S, 3) linear; with the albedos they give `render`.
     render: (S, S, 3) linear sRGB. mask: (S, S) in [0, 1], where the maps are measured, not filled.
@@ -60,7 +60,7 @@ class Reconstruction:
     metrics: dict[str, Any]
 
     def relight(self, light: np.ndarray | SphericalGaussians) -> np.ndarray:
-        """The face under another light: (S, S, 3) linear sRGB, 0 where the camera sees no head.
+        """The face under another light: (S, S, 3) linear sRGB, 0 outside the mask.
 
         light: radiance as a latitude-longitude map (H, W) or (H, W, 3) in the world frame of
         scene/camera.py, or spherical Gaussians. Deterministic, with self-shadowing and

@@ -1,1 +1,1 @@
-"""Subjects with known truth, metrics, and the relighting protocol."""
+"""Subjects with known truth, and metrics."""

@@ -1,8 +1,9 @@
-"""Synthetic subjects: a head of known shape, reflectance and normals, photographed by path tracing."""
+"""Synthetic subjects: heads of known shape and reflectance, photographed by path tracing."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -41,7 +42,7 @@ class Subject:
     mask: np.ndarray
 
     def photograph(self, environment: np.ndarray, samples: int = 256, seed: int = 0) -> np.ndarray:
-        """Path-traced image (H, W, 3), linear, with all inter-reflections of the face."""
+        """Path-traced image (H, W, 3), linear, with three inter-reflections of the face."""
         mesh = Mesh(self.vertices, self.triangles)
         return path_trace(
             mesh, self.camera, self.maps, environment, samples=samples, bounces=3, seed=seed
@@ -137,7 +138,8 @@ def _mix(below: np.ndarray, above: np.ndarray, share: np.ndarray) -> np.ndarray:
 
 def _iris(eyes: np.ndarray, unit: float) -> list[np.ndarray]:
     """A soft disc in the middle of each visible eye, within the eye."""
-    labels, count = ndimage.label(eyes > 0.5)
+    found: Any = ndimage.label(eyes > 0.5)
+    labels, count = found
     discs = []
     ys, xs = np.mgrid[0 : eyes.shape[0], 0 : eyes.shape[1]]
     for k in range(1, count + 1):

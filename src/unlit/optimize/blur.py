@@ -12,6 +12,7 @@ import drjit as dr
 import numpy as np
 
 from .._runtime import mitsuba
+from ..scene.arrays import device
 from ..scene.maps import kernel
 
 mi = mitsuba()
@@ -21,7 +22,7 @@ class Blur:
     """pixel: (P,) row-major indices into an image of `width` x `height`; sigma in pixels."""
 
     def __init__(self, pixel: np.ndarray, width: int, height: int, sigma: float) -> None:
-        self.pixel = mi.UInt32(pixel.astype(np.uint32))
+        self.pixel = device(mi.UInt32, pixel)
         self.width, self.height = width, height
         self.taps = [(k - len(kernel(sigma)) // 2, float(w)) for k, w in enumerate(kernel(sigma))]
 

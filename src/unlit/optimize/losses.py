@@ -1,6 +1,6 @@
 """The terms of the loss (paper, equations 1 to 5), on Dr.Jit arrays.
 
-Each is a mean, so that a weight means the same at every resolution and number of vertices. The
+Each is a mean over pixels or vertices. The
 image is compared in sRGB-encoded values; albedo smoothness is total variation of log albedo, so
 that a contrast costs the same on dark and on light skin (docs/method.md, "Losses").
 """
@@ -14,6 +14,7 @@ import drjit as dr
 import numpy as np
 
 from .._runtime import mitsuba
+from ..scene.arrays import device
 
 mi = mitsuba()
 
@@ -21,9 +22,7 @@ mi = mitsuba()
 def encode(linear: Any) -> Any:
     """sRGB encoding of non-negative linear values; the power continues above 1."""
     linear = dr.fmax(linear, 1e-5)
-    return dr.select(
-        linear <= 0.0031308, 12.92 * linear, 1.055 * dr.power(linear, 1 / 2.4) - 0.055
-    )
+    return dr.select(linear <= 0.0031308, 12.92 * linear, 1.055 * dr.power(linear, 1 / 2.4) - 0.055)
 
 
 #: Encoded values that a photo can tell apart; below it is crushed, above it is saturated.
@@ -49,6 +48,11 @@ def image_l1(render: Any, target: Any, weight: Any) -> Any:
     return dr.sum(weight * (difference.x + difference.y + difference.z)) / 3
 
 
+def _count(values: Any, channels: int = 1) -> Any:
+    """Number of elements; opaque, or every photo would have its own compiled kernels."""
+    return dr.opaque(mi.Float, channels * dr.width(values))
+
+
 @dataclass(frozen=True)
 class Neighbours:
     """For each of P pixels, the index of the pixel to the right and of the one below.
@@ -67,9 +71,7 @@ class Neighbours:
         right = np.where(pixel % width == width - 1, -1, lookup[pixel + 1])
         below = lookup[pixel + width]
         own = np.arange(len(pixel))
-        return Neighbours(
-            *(mi.UInt32(np.where(n < 0, own, n).astype(np.uint32)) for n in (right, below))
-        )
+        return Neighbours(*(device(mi.UInt32, np.where(n < 0, own, n)) for n in (right, below)))
 
 
 def total_variation(values: Any, neighbours: Neighbours) -> Any:
@@ -79,7 +81,7 @@ def total_variation(values: Any, neighbours: Neighbours) -> Any:
     for channel in channels:
         for neighbour in (neighbours.right, neighbours.below):
             total += dr.sum(dr.abs(dr.gather(mi.Float, channel, neighbour) - channel))
-    return total / (len(channels) * dr.width(values))
+    return total / _count(values, len(channels))
 
 
 def landmark_l2(projected: Any, detected: Any, weight: Any, size: float) -> Any:
@@ -92,12 +94,12 @@ def landmark_l2(projected: Any, detected: Any, weight: Any, size: float) -> Any:
 
 def shape_l2(vertices: Any, start: Any, unit: float) -> Any:
     """Mean squared distance of the vertices from the fitted mesh, in units of `unit` cm."""
-    return dr.sum(dr.squared_norm((vertices - start) / unit)) / dr.width(vertices)
+    return dr.sum(dr.squared_norm((vertices - start) / unit)) / _count(vertices)
 
 
 def normal_l2(perturbation: Any) -> Any:
     """Mean squared norm of the normal perturbation (paper, section 3.4)."""
-    return dr.sum(dr.squared_norm(perturbation)) / dr.width(perturbation)
+    return dr.sum(dr.squared_norm(perturbation)) / _count(perturbation)
 
 
 def gloss_l1(log_specular: Any, nominal: float, s: Any, weight: Any) -> Any:

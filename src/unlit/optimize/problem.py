@@ -1,4 +1,4 @@
-"""What the stages share: the photo's evidence, the current estimate, and the geometry it is shaded on."""
+"""What the stages share: the photo's evidence, the current estimate, and its geometry."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from .._runtime import mitsuba
 from ..color import encode_srgb
 from ..render.bounce import Bounce
 from ..render.transport import Directions, Points, Transport, shade, visibility
+from ..scene.arrays import device
 from ..scene.camera import Camera
 from ..scene.cells import Cells
 from ..scene.light import SphericalGaussians
@@ -108,25 +109,26 @@ class Problem:
         if not len(kept):
             raise ValueError("the fitted head and the face's mask do not overlap")
         self.hits = Hits(
-            mi.UInt32(seen[kept]), dr.gather(mi.UInt32, hits.triangle, mi.UInt32(kept))
+            device(mi.UInt32, seen[kept]),
+            dr.gather(mi.UInt32, hits.triangle, device(mi.UInt32, kept)),
         )
         self.pixel = seen[kept].astype(np.int64)
         self.target = censored(self.color(encode_srgb(evidence.image)))
         weight = evidence.weight.ravel()[self.pixel].astype(np.float64)
-        self.weight = mi.Float((weight / weight.sum()).astype(np.float32))
+        self.weight = device(mi.Float, weight / weight.sum())
         self.neighbours = Neighbours.of(self.pixel, self.camera.width, self.camera.height)
         regions = evidence.regions.reshape(-1, len(REGIONS))[self.pixel].astype(np.float64)
         regions /= np.maximum(regions.sum(axis=1, keepdims=True), 1e-6)
         self.regions = regions.astype(np.float32)
         table = [getattr(settings, f"{name}_roughness") for name in REGIONS]
-        self.roughness = mi.Float((regions @ table).astype(np.float32))
+        self.roughness = device(mi.Float, regions @ table)
 
     def __len__(self) -> int:
         return len(self.pixel)
 
     def color(self, image: np.ndarray) -> Any:
         """mi.Color3f of width P from an image (H, W, 3)."""
-        return mi.Color3f(np.ascontiguousarray(image.reshape(-1, 3)[self.pixel].T, np.float32))
+        return device(mi.Color3f, image.reshape(-1, 3)[self.pixel])
 
     def image(self, values: Any, background: str = "nearest") -> np.ndarray:
         """(H, W) or (H, W, 3) float32 image of per-pixel values; the rest nearest or zero."""
@@ -143,7 +145,7 @@ class Problem:
         return fill(out, known.reshape(shape))
 
     def maps(self, estimate: Estimate) -> Maps:
-        """The estimate's reflectance as full images, unknown pixels filled from the nearest known."""
+        """The estimate's reflectance as images, unknown pixels filled from the nearest known."""
         return Maps(
             self.image(dr.exp(estimate.log_diffuse)),
             self.image(dr.exp(estimate.log_specular)),
@@ -159,7 +161,7 @@ class Problem:
         triangle[hits.pixel.numpy()] = hits.triangle.numpy()
         now = triangle[self.pixel]
         now = np.where(now < 0, self.hits.triangle.numpy(), now).astype(np.uint32)
-        self.hits = Hits(self.hits.pixel, mi.UInt32(now))
+        self.hits = Hits(self.hits.pixel, device(mi.UInt32, now))
 
     def points(self, diffuse_normal: Any = None, specular_normal: Any = None) -> Points:
         """Shading points of the P pixels on the mesh as it is, with other normals if given."""
@@ -197,7 +199,7 @@ class Shading:
     def update(self, radiance: np.ndarray, maps: Maps) -> None:
         """Bring the indirect light up to date with the light's cell means (D,) and the maps."""
         e, s = self.bounce.shade(radiance, maps)
-        self.indirect = (mi.Color3f(e.T.copy()), mi.Color3f(s.T.copy()))
+        self.indirect = (device(mi.Color3f, e), device(mi.Color3f, s))
 
     def shade(self, radiance: np.ndarray) -> tuple[Any, Any]:
         """Direct plus indirect E and S, mi.Color3f of width P, with the current normals."""
@@ -216,7 +218,7 @@ class LightSample:
         settings = problem.settings
         count = min(settings.light_points, len(problem))
         self.rows = np.unique(np.linspace(0, len(problem) - 1, count).astype(np.uint32))
-        self.index = mi.UInt32(self.rows)
+        self.index = device(mi.UInt32, self.rows)
         points = shading.points.gather(self.index)
         bits = visibility(problem.mesh.scene, points, shading.directions)
         ranks = (settings.diffuse_rank, settings.specular_rank)

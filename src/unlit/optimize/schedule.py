@@ -1,12 +1,13 @@
 """The schedule (paper, Table 1) and every choice the paper leaves open, as typed settings.
 
 Two presets, `paper` and `draft`, are instances of one dataclass. Any field can be overridden by
-its dotted name, e.g. `stage2.iterations=500` or `smoothness=l2`.
+its dotted name, e.g. `stage2.iterations=500` or `refresh_interval=10`.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass, replace
 from typing import Any, get_type_hints
 
@@ -46,10 +47,10 @@ TABLE_1 = {
 
 @dataclass(frozen=True)
 class Settings:
-    """Everything that decides a reconstruction besides the photo and the seed.
+    """Everything that decides a reconstruction besides the photo.
 
-    The first five fields are Table 1; the others are readings of what the paper leaves open, each
-    with its measurement in docs/method.md.
+    The first five fields are Table 1; the others are readings of what the paper leaves open;
+    docs/method.md tells which were measured and how.
     """
 
     stage1: Stage = TABLE_1["stage1"]
@@ -60,7 +61,7 @@ class Settings:
 
     #: Side of the square crop, pixels (256 to 2048).
     resolution: int = 512
-    #: Seed of the landmark-independent random choices (none in the default path).
+    #: Kept with the result; nothing is drawn at random so far, so it changes nothing.
     seed: int = 0
 
     #: Learning rates fall to this share of their start by the end of each stage (cosine curve).
@@ -68,7 +69,7 @@ class Settings:
     #: Every element of every gradient is clipped to [-clip, clip] (paper, section 4).
     clip: float = 1.0
 
-    #: Starting sharpness of the 648 lobes; 46: half the peak at a quarter of the grid's spacing.
+    #: Starting sharpness of the 648 lobes; 46: half the peak at the neighbour's axis.
     start_sharpness: float = 46.0
     #: Bounds of the sharpness during the optimisation.
     min_sharpness: float = 4.0
@@ -77,12 +78,12 @@ class Settings:
     nominal_specular: float = 0.7
     #: Cost of gloss that departs from it, |rho_s - nominal| S: a constant veil of gloss cannot be
     #: told from paler albedo, and without a cost its level drifts.
-    specular_cost: float = 0.1
+    specular_cost: float = 0.5
     #: Upper bound of the specular albedo; far above any skin's, because albedo and light share
     #: one unknown gain.
     max_specular: float = 20.0
-    #: Upper bound of the diffuse albedo (physics: no skin returns more light than falls on it),
-    #: in the convention that the best-lit skin has E = 1.
+    #: Upper bound of the diffuse albedo during a stage, where the best-lit skin has E = 1 at the
+    #: stage's start: no skin returns more light than falls on it.
     max_diffuse: float = 1.0
     #: Error of the shading E that the model is believed to make, where full light is E = 1. The
     #: albedo maps trust a pixel by E / (E + shading_error): what is seen in the shadows says
@@ -130,16 +131,24 @@ class Settings:
         return self.stage1, self.stage2, self.stage3, self.stage4, self.stage5
 
 
-def _shorter(factor: float) -> dict[str, Stage]:
-    return {
-        name: replace(stage, iterations=max(1, round(stage.iterations * factor)))
-        for name, stage in TABLE_1.items()
-    }
+def _shorter(settings: Settings, factor: float) -> Settings:
+    """Stages 1 to 4 with fewer iterations; stage 5 is short already."""
+
+    def less(stage: Stage) -> Stage:
+        return replace(stage, iterations=round(stage.iterations * factor))
+
+    return replace(
+        settings,
+        stage1=less(settings.stage1),
+        stage2=less(settings.stage2),
+        stage3=less(settings.stage3),
+        stage4=less(settings.stage4),
+    )
 
 
 PRESETS = {
     "paper": Settings(),
-    "draft": Settings(**_shorter(0.15), resolution=256),
+    "draft": replace(_shorter(Settings(), 0.15), resolution=256),
 }
 
 
@@ -152,6 +161,9 @@ def override(settings: Settings, changes: dict[str, Any]) -> Settings:
         settings = _set(settings, name.split("."), value, name)
     if not 256 <= settings.resolution <= 2048:
         raise SettingsError(f"resolution={settings.resolution}: choose 256 to 2048 pixels")
+    for name in ("diffuse_rank", "specular_rank", "light_points", "refresh_interval"):
+        if getattr(settings, name) < 1:
+            raise SettingsError(f"{name}={getattr(settings, name)}: must be 1 or more")
     for name, stage in zip(TABLE_1, settings.stages(), strict=True):
         if stage.iterations < 0:
             raise SettingsError(f"{name}.iterations={stage.iterations}: must be 0 or more")
@@ -174,9 +186,13 @@ def _set(target: Any, path: list[str], value: Any, full: str) -> Any:
     if len(path) > 1:
         raise SettingsError(f"{full}: {path[0]} has no fields")
     try:
+        if kind in (int, float) and not math.isfinite(float(value)):
+            raise ValueError
         if kind is int and float(value) != int(float(value)):
             raise ValueError
-        return replace(target, **{path[0]: kind(float(value)) if kind in (int, float) else kind(value)})
+        return replace(
+            target, **{path[0]: kind(float(value)) if kind in (int, float) else kind(value)}
+        )
     except (TypeError, ValueError):
         raise SettingsError(f"{full}={value!r}: expected {kind.__name__}") from None
 

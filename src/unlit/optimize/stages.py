@@ -16,6 +16,7 @@ import numpy as np
 
 from .._runtime import mitsuba
 from ..render.transport import linearize
+from ..scene.arrays import device
 from ..scene.cells import Cells, grid_cells, refine
 from ..scene.light import grid_lobes
 from ..scene.lobes import CellRadiance
@@ -34,18 +35,18 @@ REPORT = 25
 
 
 def start(problem: Problem) -> Estimate:
-    """The estimate before stage 1: a near-uniform light and black maps that stage 1 will set."""
+    """The estimate before stage 1: a near-uniform light and white maps that stage 1 will set."""
     settings = problem.settings
     lobes = grid_lobes(settings.start_sharpness, 1.0)
     count = len(problem)
     return Estimate(
-        mi.Point3f(np.ascontiguousarray(problem.evidence.vertices.T, dtype=np.float32)),
+        device(mi.Point3f, problem.evidence.vertices),
         dr.zeros(mi.Color3f, count),
         dr.zeros(mi.Float, count),
         dr.zeros(mi.Vector3f, count),
-        mi.Vector3f(np.ascontiguousarray(lobes.axis.T)),
-        mi.Float(np.log(lobes.sharpness)),
-        mi.Float(np.log(lobes.amplitude)),
+        device(mi.Vector3f, lobes.axis),
+        device(mi.Float, np.log(lobes.sharpness)),
+        device(mi.Float, np.log(lobes.amplitude)),
     )
 
 
@@ -140,7 +141,7 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     settings, stage = problem.settings, problem.settings.stage1
     sample = LightSample(problem, shading)
     cells = CellRadiance(shading.cells)
-    everywhere = [mi.Float(np.ascontiguousarray(r)) for r in problem.regions.T]
+    everywhere = [device(mi.Float, r) for r in problem.regions.T]
     masks = [sample.of(r) for r in everywhere]
 
     diffuse, specular = _base_start(problem, sample, cells, estimate)
@@ -177,7 +178,7 @@ def _base_start(
     problem: Problem, sample: LightSample, cells: CellRadiance, estimate: Estimate
 ) -> tuple[Any, Any]:
     """Log base colours that give each region its median colour under the starting light."""
-    e, _ = sample.transport.shade(mi.Float(cells.of(estimate.light())))
+    e, _ = sample.transport.shade(device(mi.Float, cells.of(estimate.light())))
     image = problem.evidence.image.reshape(-1, 3)[problem.pixel[sample.rows]]
     level = float(np.median(e.numpy()))
     colours = []
@@ -186,7 +187,7 @@ def _base_start(
         colours.append(np.median(image[inside if inside.any() else slice(None)], axis=0) / level)
     log_colours = np.log(np.maximum(np.array(colours), 1e-3)).astype(np.float32)
     specular = np.full(len(colours), np.log(problem.settings.nominal_specular), dtype=np.float32)
-    return mi.Color3f(np.ascontiguousarray(log_colours.T)), mi.Float(specular)
+    return device(mi.Color3f, log_colours), device(mi.Float, specular)
 
 
 def _spread(masks: list[Any], log_base: Any) -> Any:
@@ -202,7 +203,7 @@ def _gloss(settings: Settings, log_specular: Any, s: Any, weight: Any) -> Any:
 
 
 def _trusted(problem: Problem, e: Any) -> Any:
-    """Weight of each pixel's evidence on albedo and normals, sum 1: its own times E / (E + error)."""
+    """Weight of each pixel's evidence on the maps, sum 1: its own times E / (E + error)."""
     level = dr.mean(dr.detach(e))
     weight = problem.weight * level / (level + problem.settings.shading_error)
     weight /= dr.sum(weight)
@@ -210,9 +211,7 @@ def _trusted(problem: Problem, e: Any) -> Any:
     return weight
 
 
-def _light_loss(
-    sample: LightSample, shading: Shading, adam: Adam, e: Any, s: Any
-) -> Any:
+def _light_loss(sample: LightSample, shading: Shading, adam: Adam, e: Any, s: Any) -> Any:
     """Image loss of the sampled pixels as a function of the light alone, the maps as they are."""
     image = _render(
         sample.of(dr.detach(adam["log_diffuse"])),
@@ -270,7 +269,7 @@ def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate
     settings, stage = problem.settings, problem.settings.stage3
     triangles = problem.mesh.triangles
     begin = mi.Point3f(estimate.vertices)
-    fitted = mi.Point3f(np.ascontiguousarray(problem.evidence.vertices.T, dtype=np.float32))
+    fitted = device(mi.Point3f, problem.evidence.vertices)
     steps = mi.ad.LargeSteps(dr.ravel(begin), dr.ravel(triangles), settings.shape_lambda)
     names = ("log_diffuse", "log_specular", *_light_parameters(estimate))
     run = _Run(
@@ -392,30 +391,32 @@ class Landmarks:
     def __init__(self, problem: Problem) -> None:
         evidence = problem.evidence
         used = np.flatnonzero((evidence.landmark_weight > 0) & (evidence.landmark_triangle >= 0))
-        corner = evidence.triangles[evidence.landmark_triangle[used]].T.astype(np.uint32)
-        self.corner = mi.Vector3u(np.ascontiguousarray(corner))
-        share = evidence.landmark_barycentric[used].T.astype(np.float32)
-        self.share = mi.Vector3f(np.ascontiguousarray(share))
-        detected = evidence.landmarks[used, :2].T.astype(np.float32)
-        self.detected = mi.Point2f(np.ascontiguousarray(detected))
-        weight = evidence.landmark_weight[used].astype(np.float32)
-        self.weight = mi.Float(weight / weight.sum())
-        self.camera = problem.camera
+        corner = evidence.triangles[evidence.landmark_triangle[used]]
+        self.corner = device(mi.Vector3u, corner)
+        self.share = device(mi.Vector3f, evidence.landmark_barycentric[used])
+        self.detected = device(mi.Point2f, evidence.landmarks[used, :2])
+        weight = evidence.landmark_weight[used]
+        self.weight = device(mi.Float, weight / max(weight.sum(), 1e-12))
+        camera = problem.camera
+        self.width = camera.width
+        self.pinhole = [dr.opaque(mi.Float, v) for v in (camera.focal, camera.cx, camera.cy)]
 
     def loss(self, vertices: Any) -> Any:
         """Mean squared distance in units of the crop's width; 0 without landmarks."""
         if not dr.width(self.weight):
             return mi.Float(0)
-        camera = self.camera
-        point = sum(
+        focal, cx, cy = self.pinhole
+        point: Any = sum(
             dr.gather(mi.Point3f, vertices, self.corner[i]) * self.share[i] for i in range(3)
         )
-        scale = camera.focal / -point.z
-        projected = mi.Point2f(camera.cx + point.x * scale, camera.cy - point.y * scale)
-        return landmark_l2(projected, self.detected, self.weight, camera.width)
+        scale = focal / -point.z
+        projected = mi.Point2f(cx + point.x * scale, cy - point.y * scale)
+        return landmark_l2(projected, self.detected, self.weight, self.width)
 
 
-def run_stages(problem: Problem, after: Callable[[str, Estimate, Shading], None]) -> tuple[Estimate, Shading]:
+def run_stages(
+    problem: Problem, after: Callable[[str, Estimate, Shading], None]
+) -> tuple[Estimate, Shading]:
     """The whole schedule. `after` is called with (stage name, estimate, shading) at each end."""
     settings = problem.settings
     estimate = start(problem)

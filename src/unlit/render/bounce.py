@@ -24,6 +24,7 @@ import numpy as np
 from scipy import sparse
 
 from .._runtime import mitsuba
+from ..scene.arrays import device
 from ..scene.brdf import reflectance_table, specular
 from ..scene.camera import Camera
 from ..scene.maps import Maps
@@ -44,11 +45,9 @@ def sphere_directions(count: int) -> np.ndarray:
 
 
 def sample_map(image: np.ndarray, camera: Camera, points: np.ndarray) -> np.ndarray:
-    """Nearest values (N, ...) of an image-space map (H, W, ...) where world points (N, 3) project."""
+    """Nearest values (N, ...) of a map (H, W, ...) at the pixels that points (N, 3) project to."""
     xy = np.floor(camera.project(points)).astype(np.int64)
-    return image[
-        np.clip(xy[:, 1], 0, camera.height - 1), np.clip(xy[:, 0], 0, camera.width - 1)
-    ]
+    return image[np.clip(xy[:, 1], 0, camera.height - 1), np.clip(xy[:, 0], 0, camera.width - 1)]
 
 
 @dataclass(frozen=True)
@@ -90,11 +89,12 @@ def form_factors(mesh: Mesh, points: Points, seen: np.ndarray, count: int = 256)
     """
     vertices, receivers = len(points), len(seen)
     lattice = sphere_directions(count)
-    directions = mi.Vector3f(np.ascontiguousarray(lattice.T))
+    directions = device(mi.Vector3f, lattice)
     index = dr.arange(mi.UInt32, receivers * count)
-    receiver = dr.gather(mi.UInt32, mi.UInt32(seen.astype(np.uint32)), index % receivers)
+    width = dr.opaque(mi.UInt32, receivers)
+    receiver = dr.gather(mi.UInt32, device(mi.UInt32, seen), index % width)
     n = dr.gather(mi.Vector3f, points.diffuse_normal, receiver)
-    towards = dr.gather(mi.Vector3f, directions, index // receivers)
+    towards = dr.gather(mi.Vector3f, directions, index // width)
     start = dr.gather(mi.Point3f, points.position, receiver) + OFFSET * n
     hit = mesh.scene.ray_intersect_preliminary(
         mi.Ray3f(start, towards), coherent=True, active=dr.dot(n, towards) > 0
@@ -109,9 +109,7 @@ def form_factors(mesh: Mesh, points: Points, seen: np.ndarray, count: int = 256)
     n, towards = dr.gather(mi.Vector3f, n, kept), dr.gather(mi.Vector3f, towards, kept)
     corner = dr.gather(mi.Vector3u, mesh.triangles, triangle)
     shares = (1 - uv.x - uv.y, uv.x, uv.y)
-    normal = sum(
-        dr.gather(mi.Vector3f, mesh.normals, corner[i]) * shares[i] for i in range(3)
-    )
+    normal = sum(dr.gather(mi.Vector3f, mesh.normals, corner[i]) * shares[i] for i in range(3))
     leaving = -dr.dot(dr.normalize(normal), towards)
     alpha = dr.gather(mi.Float, points.roughness, point)
     viewer = dr.gather(mi.Vector3f, points.to_viewer, point)
@@ -156,11 +154,16 @@ class Bounce:
             return
         self.world = mesh.vertices.numpy().T
         normal = mi.Vector3f(mesh.normals)
-        alpha = mi.Float(sample_map(roughness, camera, self.world).astype(np.float32))
+        alpha = device(mi.Float, sample_map(roughness, camera, self.world))
         self.points = Points(mi.Point3f(mesh.vertices), normal, normal, normal, alpha)
         every = mesh.camera_hits(camera)
         seen = np.unique(mesh.triangles.numpy().T[every.triangle.numpy()])
         self.factors = form_factors(mesh, self.points, seen, rays)
+        lit = np.union1d(seen, self.factors.diffuse.indices % len(self.world))
+        # Neighbours in the image next to each other: rays in packets that stay together.
+        order = np.lexsort(np.round(camera.project(self.world[lit]) / 8).T)
+        self.lit = lit[order]
+        self.emitters = self.points.gather(device(mi.UInt32, self.lit))
         corner, weight = surface_weights(camera, hits, mesh.vertices, mesh.triangles)
         shape = (self.pixels, len(self.world))
         ends = np.arange(self.pixels + 1) * 3
@@ -170,7 +173,7 @@ class Bounce:
 
     def under(self, directions: Directions) -> BounceUnder:
         """The same, with the vertices' visibility traced for the cells of `directions`."""
-        bits = visibility(self.scene, self.points, directions) if self.bounces else None
+        bits = visibility(self.scene, self.emitters, directions) if self.bounces else None
         return BounceUnder(self, directions, bits)
 
 
@@ -191,8 +194,10 @@ class BounceUnder:
         if not bounce.bounces:
             zero = np.zeros((bounce.pixels, 3), dtype=np.float32)
             return zero, zero
-        direct, _ = shade(bounce.points, self.directions, self.bits, radiance)
-        light = direct.numpy().T.reshape(len(bounce.world), -1)
+        direct, _ = shade(bounce.emitters, self.directions, self.bits, radiance)
+        rows = direct.numpy().T.reshape(len(bounce.lit), -1)
+        light = np.zeros((len(bounce.world), rows.shape[1]), dtype=np.float32)
+        light[bounce.lit] = rows
         rho_d = sample_map(maps.diffuse_albedo, bounce.camera, bounce.world)
         rho_s = sample_map(maps.specular_albedo, bounce.camera, bounce.world)[:, None]
         indirect = np.zeros_like(rho_d)

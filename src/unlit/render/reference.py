@@ -61,7 +61,8 @@ class FaceBSDF(mi.BSDF):
         assert camera is not None
         scale = camera.focal / -si.p.z
         uv = mi.Point2f(
-            (camera.cx + si.p.x * scale) / camera.width, (camera.cy - si.p.y * scale) / camera.height
+            (camera.cx + si.p.x * scale) / camera.width,
+            (camera.cy - si.p.y * scale) / camera.height,
         )
         look = {k: t.eval(uv, active) for k, t in self.textures.items()}
         n = mi.Vector3f(si.sh_frame.n)
@@ -159,7 +160,10 @@ def path_trace(
     face = mi.load_dict({"type": PLUGIN})
     face.set_maps(camera, maps)
     body = mi.Mesh(
-        "face", dr.width(mesh.vertices), dr.width(mesh.triangles), has_vertex_normals=True,
+        "face",
+        dr.width(mesh.vertices),
+        dr.width(mesh.triangles),
+        has_vertex_normals=True,
         props=_with_bsdf(face),
     )
     parameters = mi.traverse(body)

@@ -7,6 +7,7 @@ import numpy as np
 
 from .._runtime import mitsuba
 from ..reconstruction import Reconstruction
+from ..scene.arrays import device
 from ..scene.cells import grid_cells, refine
 from ..scene.light import SphericalGaussians
 from ..scene.maps import Maps
@@ -26,7 +27,7 @@ class Relighter:
         self.mesh = Mesh(r.vertices, r.triangles)
         hits = self.mesh.camera_hits(r.camera)
         inside = np.flatnonzero(r.mask.ravel()[hits.pixel.numpy()] > 0).astype(np.uint32)
-        chosen = mi.UInt32(inside)
+        chosen = device(mi.UInt32, inside)
         hits = Hits(
             dr.gather(mi.UInt32, hits.pixel, chosen), dr.gather(mi.UInt32, hits.triangle, chosen)
         )
@@ -37,10 +38,10 @@ class Relighter:
         )
         self.points = Points(
             position,
-            mi.Vector3f(np.ascontiguousarray(r.diffuse_normal.reshape(-1, 3)[self.pixel].T)),
-            mi.Vector3f(np.ascontiguousarray(r.specular_normal.reshape(-1, 3)[self.pixel].T)),
+            device(mi.Vector3f, r.diffuse_normal.reshape(-1, 3)[self.pixel]),
+            device(mi.Vector3f, r.specular_normal.reshape(-1, 3)[self.pixel]),
             geometric,
-            mi.Float(r.roughness.ravel()[self.pixel]),
+            device(mi.Float, r.roughness.ravel()[self.pixel]),
         )
         self.bounce = Bounce(mesh, r.camera, hits, r.roughness, bounces)
 

@@ -23,6 +23,7 @@ import drjit as dr
 import numpy as np
 
 from .._runtime import mitsuba
+from ..scene.arrays import device
 from ..scene.brdf import specular, specular_with_gradient
 from ..scene.cells import Cells
 from .visibility import trace, visible
@@ -65,11 +66,11 @@ class Directions:
     """
 
     def __init__(self, cells: Cells) -> None:
-        self.unit = mi.Vector3f(np.ascontiguousarray(cells.direction.T, dtype=np.float32))
+        self.unit = device(mi.Vector3f, cells.direction)
         table = np.zeros((len(cells), 8), dtype=np.float32)
         table[:, :3], table[:, 3] = cells.direction, cells.solid_angle
         table[:, 4:7] = cells.moment / np.pi
-        self.table = mi.Float(table.ravel())
+        self.table = device(mi.Float, table.ravel())
         self.count = len(cells)
 
     def __len__(self) -> int:
@@ -84,9 +85,7 @@ class Directions:
 
 def visibility(scene: Any, points: Points, directions: Directions) -> Any:
     """Visibility bits of `points`; see visibility.trace."""
-    return trace(
-        scene, points.position, points.specular_normal, points.geometric, directions.unit
-    )
+    return trace(scene, points.position, points.specular_normal, points.geometric, directions.unit)
 
 
 def _terms(points: Points, viewer: Any, directions: Directions, d: Any) -> tuple[Any, Any]:
@@ -97,7 +96,7 @@ def _terms(points: Points, viewer: Any, directions: Directions, d: Any) -> tuple
     return diffuse, lobe * solid_angle
 
 
-def _seen(bits: Any, points: int, point: Any, d: Any, word: Any) -> tuple[Any, Any]:
+def _seen(bits: Any, points: Any, point: Any, d: Any, word: Any) -> tuple[Any, Any]:
     """Whether cell `d` of a loop over all cells is seen; `word` holds the bits of 32 cells."""
     fresh = dr.gather(mi.UInt32, bits, (d >> 5) * points + point, (d & 31) == 0)
     word = dr.select((d & 31) == 0, fresh, word)
@@ -112,9 +111,9 @@ def shade(
     Returns mi.Float of width P for a monochrome light, mi.Color3f for a coloured one.
     """
     colour = mi.Color3f if np.ndim(radiance) == 2 else mi.Float
-    light = colour(np.ascontiguousarray(np.asarray(radiance, dtype=np.float32).T))
-    count, width = dr.opaque(mi.UInt32, len(directions)), len(points)
-    point = dr.arange(mi.UInt32, width)
+    light = device(colour, radiance)
+    count, width = (dr.opaque(mi.UInt32, len(a)) for a in (directions, points))
+    point = dr.arange(mi.UInt32, len(points))
     viewer = points.to_viewer
 
     def body(d: Any, word: Any, e: Any, s: Any) -> tuple[Any, ...]:
@@ -123,11 +122,9 @@ def shade(
         value = dr.select(seen, dr.gather(colour, light, d), 0)
         return d + 1, word, e + value * diffuse, s + value * lobe
 
-    zero = dr.zeros(colour, width)
-    state = (dr.zeros(mi.UInt32, width), dr.zeros(mi.UInt32, width), zero, colour(zero))
-    _, _, e, s = dr.while_loop(
-        state, lambda d, *_: d < count, body, labels=("d", "bits", "E", "S")
-    )
+    zero, none = dr.zeros(colour, len(points)), dr.zeros(mi.UInt32, len(points))
+    state = (none, mi.UInt32(none), zero, colour(zero))
+    _, _, e, s = dr.while_loop(state, lambda d, *_: d < count, body, labels=("d", "bits", "E", "S"))
     return e, s
 
 
@@ -157,9 +154,9 @@ def linearize(
     Visibility and the horizon are held fixed. The specular derivative is kept to the tangent
     plane, in which a unit normal moves.
     """
-    light = mi.Float(np.asarray(radiance, dtype=np.float32))
-    count, width = dr.opaque(mi.UInt32, len(directions)), len(points)
-    point = dr.arange(mi.UInt32, width)
+    light = device(mi.Float, radiance)
+    count, width = (dr.opaque(mi.UInt32, len(a)) for a in (directions, points))
+    point = dr.arange(mi.UInt32, len(points))
     viewer = points.to_viewer
 
     def body(d: Any, word: Any, b: Any, s: Any, c: Any) -> tuple[Any, ...]:
@@ -174,9 +171,8 @@ def linearize(
         b = b + dr.select(above, value, 0) * moment
         return d + 1, word, b, s + value_s * lobe, c + value_s * mi.Vector3f(gradient)
 
-    zero = dr.zeros(mi.Vector3f, width)
-    state = (dr.zeros(mi.UInt32, width), dr.zeros(mi.UInt32, width), zero)
-    state = (*state, dr.zeros(mi.Float, width), mi.Vector3f(zero))
+    zero, none = dr.zeros(mi.Vector3f, len(points)), dr.zeros(mi.UInt32, len(points))
+    state = (none, mi.UInt32(none), zero, dr.zeros(mi.Float, len(points)), mi.Vector3f(zero))
     _, _, b, s, c = dr.while_loop(
         state, lambda d, *_: d < count, body, labels=("d", "bits", "B", "S", "C")
     )
@@ -190,14 +186,14 @@ def linearize(
 
 def _rows(points: Points, directions: Directions, bits: Any) -> tuple[np.ndarray, np.ndarray]:
     """Exact transport rows (P, D), float32: diffuse and specular."""
-    count = len(directions)
-    index = dr.arange(mi.UInt32, len(points) * count)
+    count, width = (dr.opaque(mi.UInt32, len(a)) for a in (directions, points))
+    index = dr.arange(mi.UInt32, len(points) * len(directions))
     point, d = index // count, index % count
     here = points.gather(point)
-    seen = visible(bits, len(points), point, d)
+    seen = visible(bits, width, point, d)
     rows = [dr.select(seen, t, 0) for t in _terms(here, here.to_viewer, directions, d)]
     dr.eval(rows)
-    diffuse, lobe = (row.numpy().reshape(len(points), count) for row in rows)
+    diffuse, lobe = (row.numpy().reshape(len(points), len(directions)) for row in rows)
     return diffuse, lobe
 
 
@@ -224,13 +220,13 @@ class Product:
         """U x: mi.Float of width R to mi.Float of width N."""
         if self.device is not None:
             return dr.sum(self.device * mi.TensorXf(x, (1, dr.width(x))), axis=1).array
-        return mi.Float(self.matrix @ x.numpy())
+        return device(mi.Float, self.matrix @ x.numpy())
 
     def apply_transposed(self, y: Any) -> Any:
         """U^T y: mi.Float of width N to mi.Float of width R."""
         if self.device is not None:
             return dr.sum(self.device * mi.TensorXf(y, (dr.width(y), 1)), axis=0).array
-        return mi.Float(y.numpy() @ self.matrix)
+        return device(mi.Float, y.numpy() @ self.matrix)
 
 
 class _Multiply(dr.CustomOp):

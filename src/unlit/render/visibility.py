@@ -34,8 +34,9 @@ def trace(scene: Any, position: Any, normal: Any, geometric: Any, directions: An
     of width P; directions: mi.Vector3f of width D, unit, to the light. A direction far below the
     shading horizon (HORIZON) counts as not visible and costs no ray.
     """
-    points, count = dr.width(position), dr.width(directions)
-    index = dr.arange(mi.UInt32, points * words(count))
+    # Opaque: a number baked into the kernel would have it compiled anew for every photo.
+    points, count = (dr.opaque(mi.UInt32, dr.width(a)) for a in (position, directions))
+    index = dr.arange(mi.UInt32, dr.width(position) * words(dr.width(directions)))
     point, first = index % points, (index // points) * 32
     n = dr.gather(mi.Vector3f, normal, point)
     start = dr.gather(mi.Point3f, position, point)
@@ -56,7 +57,7 @@ def trace(scene: Any, position: Any, normal: Any, geometric: Any, directions: An
     return bits
 
 
-def visible(bits: Any, points: int, point: Any, direction: Any) -> Any:
+def visible(bits: Any, points: Any, point: Any, direction: Any) -> Any:
     """Whether `direction` (UInt32 index) is seen from `point` (UInt32 index), as mi.Bool."""
     word = dr.gather(mi.UInt32, bits, (direction >> 5) * points + point)
     return ((word >> (direction & 31)) & 1) != 0

@@ -28,7 +28,9 @@ class Cells:
     @cached_property
     def solid_angle(self) -> np.ndarray:
         """Exact solid angles (D,), steradian; they sum to 4 pi."""
-        return (np.cos(self.theta[:, 0]) - np.cos(self.theta[:, 1])) * np.diff(self.phi, axis=1)[:, 0]
+        return (np.cos(self.theta[:, 0]) - np.cos(self.theta[:, 1])) * np.diff(self.phi, axis=1)[
+            :, 0
+        ]
 
     @cached_property
     def moment(self) -> np.ndarray:
@@ -81,7 +83,8 @@ class Cells:
         (t0, t1), (p0, p1) = self.theta.T, self.phi.T
         total = at(t1, p1) - at(t0, p1) - at(t1, p0) + at(t0, p0)
         shape = (-1, *([1] * (environment.ndim - 2)))
-        return (total / self.solid_angle.reshape(shape)).astype(np.float32)
+        # Differences of sums: rounding may leave less than nothing where there is no light.
+        return np.maximum(total / self.solid_angle.reshape(shape), 0).astype(np.float32)
 
     def split(self, which: np.ndarray) -> Cells:
         """Cells with those marked in `which` (D,) bool cut in four, appended at the end."""
@@ -100,9 +103,7 @@ def grid_cells(rows: int = 18, columns: int = 36) -> Cells:
     theta = np.linspace(0, np.pi, rows + 1)
     phi = np.linspace(0, 2 * np.pi, columns + 1)
     i, j = (x.ravel() for x in np.mgrid[0:rows, 0:columns])
-    return Cells(
-        np.stack([theta[i], theta[i + 1]], axis=1), np.stack([phi[j], phi[j + 1]], axis=1)
-    )
+    return Cells(np.stack([theta[i], theta[i + 1]], axis=1), np.stack([phi[j], phi[j + 1]], axis=1))
 
 
 def refine(cells: Cells, environment: np.ndarray, share: float = 0.001, limit: int = 2500) -> Cells:

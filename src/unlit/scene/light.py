@@ -40,7 +40,7 @@ def latlong_solid_angles(height: int, width: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class SphericalGaussians:
-    """Lobes: axis (K, 3) unit vectors, sharpness (K,) > 0, amplitude (K,) >= 0 radiance; float32."""
+    """Lobes: unit axis (K, 3), sharpness (K,) > 0, amplitude (K,) >= 0 radiance; float32."""
 
     axis: np.ndarray
     sharpness: np.ndarray
@@ -62,16 +62,16 @@ class SphericalGaussians:
 
     def power(self) -> np.ndarray:
         """Integral over the sphere of each lobe (K,): 2 pi mu / lambda (1 - exp(-2 lambda))."""
-        return (
-            2 * np.pi * self.amplitude / self.sharpness * -np.expm1(-2 * self.sharpness)
-        )
+        return 2 * np.pi * self.amplitude / self.sharpness * -np.expm1(-2 * self.sharpness)
 
     def scaled(self, gain: float) -> SphericalGaussians:
         """The same light times `gain`."""
         return SphericalGaussians(self.axis, self.sharpness, self.amplitude * np.float32(gain))
 
 
-def grid_lobes(sharpness: float, radiance: float, grid: tuple[int, int] = GRID) -> SphericalGaussians:
+def grid_lobes(
+    sharpness: float, radiance: float, grid: tuple[int, int] = GRID
+) -> SphericalGaussians:
     """Lobes on the centres of a latitude-longitude grid that sum to a near-uniform `radiance`.
 
     On such a grid lobes crowd at the poles, so each amplitude is proportional to its cell's solid

@@ -15,6 +15,7 @@ import drjit as dr
 import numpy as np
 
 from .._runtime import mitsuba
+from .arrays import device
 from .cells import Cells
 from .light import SphericalGaussians
 
@@ -89,7 +90,7 @@ class CellRadiance:
     def __init__(self, cells: Cells) -> None:
         nodes = _nodes(cells).reshape(-1, 3)
         self.count = len(cells)
-        self.nodes = mi.Vector3f(np.ascontiguousarray(nodes.T, dtype=np.float32))
+        self.nodes = device(mi.Vector3f, nodes)
 
     def __call__(self, axis: Any, sharpness: Any, amplitude: Any) -> Any:
         """mi.Float of width D from unit axes (mi.Vector3f), sharpness and amplitude, width K."""
@@ -100,7 +101,7 @@ class CellRadiance:
     def of(self, light: SphericalGaussians) -> np.ndarray:
         """The same for a finished light, (D,) float32."""
         return self(
-            mi.Vector3f(np.ascontiguousarray(light.axis.T)),
-            mi.Float(light.sharpness),
-            mi.Float(light.amplitude),
+            device(mi.Vector3f, light.axis),
+            device(mi.Float, light.sharpness),
+            device(mi.Float, light.amplitude),
         ).numpy()

@@ -8,6 +8,7 @@ sees the point. Both renderers use this one rule.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import ndimage
@@ -21,7 +22,7 @@ DIFFUSE_BLUR = 1.0
 class Maps:
     """Reflectance of a face in the crop's pixels, float32.
 
-    diffuse_albedo: (H, W, 3) linear sRGB in [0, 1]. specular_albedo: (H, W), a factor on the
+    diffuse_albedo: (H, W, 3) linear sRGB. specular_albedo: (H, W), a factor on the
     Beckmann lobe, of order one. roughness: (H, W), Beckmann alpha. perturbation: (H, W, 3),
     world frame, added to the mesh's unit normal to give the specular normal (paper, equation for
     n_s); zero for a plain mesh.
@@ -63,5 +64,8 @@ def fill(image: np.ndarray, known: np.ndarray) -> np.ndarray:
     """
     if not known.any():
         return image.copy()
-    rows, columns = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    nearest: Any = ndimage.distance_transform_edt(
+        ~known, return_distances=False, return_indices=True
+    )
+    rows, columns = nearest
     return image[rows, columns]

@@ -13,6 +13,7 @@ import drjit as dr
 import numpy as np
 
 from .._runtime import mitsuba
+from .arrays import device
 from .camera import Camera
 
 mi = mitsuba()
@@ -48,18 +49,18 @@ class Mesh:
     """
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:
-        self.triangles = mi.Vector3u(np.ascontiguousarray(triangles.T, dtype=np.uint32))
+        self.triangles = device(mi.Vector3u, triangles)
         self.vertices = mi.Point3f()
         self.normals = mi.Vector3f()
         self._mesh = mi.Mesh("face", len(vertices), len(triangles), has_vertex_normals=True)
         self._parameters = mi.traverse(self._mesh)
-        self._parameters["faces"] = mi.UInt32(np.ascontiguousarray(triangles, np.uint32).ravel())
+        self._parameters["faces"] = dr.ravel(self.triangles)
         self._parameters.update()
         self.scene: Any = None
-        self.set_vertices(mi.Point3f(np.ascontiguousarray(vertices.T, dtype=np.float32)))
+        self.set_vertices(device(mi.Point3f, vertices))
 
     def set_vertices(self, vertices: Any) -> None:
-        """Move the mesh to `vertices` (mi.Point3f of width V) and rebuild what rays are traced in."""
+        """Move the mesh to `vertices` (mi.Point3f, width V), and the scene of its rays."""
         self.vertices = dr.detach(vertices)
         self.normals = vertex_normals(self.vertices, self.triangles)
         dr.eval(self.vertices, self.normals)
@@ -88,7 +89,9 @@ def camera_rays(camera: Camera, pixel: Any) -> Any:
     """Rays (mi.Ray3f) from the camera through the centres of row-major `pixel` indices."""
     x = mi.Float(pixel % camera.width) + 0.5
     y = mi.Float(pixel // camera.width) + 0.5
-    direction = mi.Vector3f((x - camera.cx) / camera.focal, (camera.cy - y) / camera.focal, -1.0)
+    # Opaque: a number baked into the kernel would have it compiled anew for every photo.
+    focal, cx, cy = (dr.opaque(mi.Float, v) for v in (camera.focal, camera.cx, camera.cy))
+    direction = mi.Vector3f((x - cx) / focal, (cy - y) / focal, -1.0)
     return mi.Ray3f(mi.Point3f(0.0), dr.normalize(direction))
 
 
@@ -106,9 +109,7 @@ def barycentric(direction: Any, a: Any, b: Any, c: Any) -> Any:
     return weights / dr.sum(weights)
 
 
-def surface_weights(
-    camera: Camera, hits: Hits, vertices: Any, triangles: Any
-) -> tuple[Any, Any]:
+def surface_weights(camera: Camera, hits: Hits, vertices: Any, triangles: Any) -> tuple[Any, Any]:
     """The hit triangles' corner indices (mi.Vector3u) and the hits' barycentric weights."""
     corner = dr.gather(mi.Vector3u, triangles, hits.triangle)
     a, b, c = (dr.gather(mi.Point3f, vertices, corner[i]) for i in range(3))

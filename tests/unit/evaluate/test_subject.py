@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from bumpy_head import bumpy_head, camera, view
 
+from bumpy_head import bumpy_head, camera, view
 from unlit.evaluate.subject import SKINS, Features, Subject, paint, visible_normals
 from unlit.scene.brdf import ROUGHNESS
 from unlit.scene.light import flash, uniform
@@ -17,7 +17,7 @@ def painted(skin: str, lipstick: bool = False) -> Maps:
     lips = SIZE * np.array([[0.4, 0.68], [0.6, 0.68], [0.5, 0.74]])
     brow = SIZE * np.array([[0.3, 0.35], [0.42, 0.33]])
     eyes = np.abs(vertices[:, 1] - 2.0) < 1.0
-    features = Features(lips, (brow, brow + (0.28 * SIZE, 0)))
+    features = Features(lips, (brow, brow + np.array([0.28 * SIZE, 0])))
     return paint(vertices, triangles, eyes, camera(SIZE), features, skin, 4, lipstick=lipstick)
 
 

@@ -27,7 +27,7 @@ def test_blur_is_the_maps_blur(pixel: np.ndarray, sigma: float) -> None:
     image[pixel] = rows
     expected = blur(image.reshape(HEIGHT, WIDTH, 3), sigma).reshape(-1, 3)[pixel]
     ours = Blur(pixel, WIDTH, HEIGHT, sigma)(mi.Vector3f(np.ascontiguousarray(rows.T)))
-    assert ours.numpy().T == pytest.approx(expected, abs=1e-5)
+    assert pytest.approx(expected, abs=1e-5) == ours.numpy().T
 
 
 def test_blur_is_its_own_adjoint(pixel: np.ndarray) -> None:

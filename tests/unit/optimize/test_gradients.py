@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from bumpy_head import bumpy_head, camera, painted
 
 LIGHT = ("axis", "log_sharpness", "log_amplitude")
@@ -12,7 +13,7 @@ LIGHT = ("axis", "log_sharpness", "log_amplitude")
 
 @pytest.fixture(scope="module")
 def case(gradients: ModuleType) -> Any:
-    return gradients.Case(*bumpy_head(), camera(96), painted(96))
+    return gradients.Case(*bumpy_head(), camera(80), painted(80))
 
 
 def test_gradients_match_central_differences(case: Any) -> None:

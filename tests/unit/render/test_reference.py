@@ -5,8 +5,8 @@ from typing import Any
 import drjit as dr
 import numpy as np
 import pytest
-from bumpy_head import ball, camera, view
 
+from bumpy_head import ball, camera, view
 from unlit._runtime import mitsuba
 from unlit.render.reference import PLUGIN, path_trace
 from unlit.scene.brdf import reflectance_table
@@ -20,7 +20,10 @@ SIZE = 33
 
 
 def bsdf(
-    alpha: float, bend: tuple[float, float, float] = (0, 0, 0), diffuse: float = 0.5, gloss: float = 1.0
+    alpha: float,
+    bend: tuple[float, float, float] = (0, 0, 0),
+    diffuse: float = 0.5,
+    gloss: float = 1.0,
 ) -> Any:
     """The plugin with one material around the image's centre.
 
@@ -31,7 +34,9 @@ def bsdf(
     perturbation[SIZE // 2, SIZE // 2] = bend
     face = mi.load_dict({"type": PLUGIN})
     full = np.ones((SIZE, SIZE), np.float32)
-    maps = Maps(np.full((SIZE, SIZE, 3), diffuse, np.float32), gloss * full, alpha * full, perturbation)
+    maps = Maps(
+        np.full((SIZE, SIZE, 3), diffuse, np.float32), gloss * full, alpha * full, perturbation
+    )
     face.set_maps(Camera(SIZE, SIZE, 100.0, SIZE / 2, SIZE / 2), maps)
     return face
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from bumpy_head import bumpy_head, camera, filtered, painted, view
 
+from bumpy_head import bumpy_head, camera, filtered, painted, view
 from unlit.photo import Crop
 from unlit.reconstruction import Reconstruction
 from unlit.render.reference import path_trace
@@ -14,7 +14,7 @@ SIZE = 64
 
 def test_relight_is_the_path_tracers() -> None:
     """A coloured side light on a Reconstruction gives what path tracing its parts gives."""
-    vertices, triangles = bumpy_head(5)
+    vertices, triangles = bumpy_head()
     maps = painted(SIZE)
     scene = view(vertices, triangles, camera(SIZE), maps)
     normals = [scene.image(n) for n in (scene.points.diffuse_normal, scene.points.specular_normal)]

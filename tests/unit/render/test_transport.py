@@ -6,9 +6,9 @@ from functools import cache
 import drjit as dr
 import numpy as np
 import pytest
-from bumpy_head import View, ball, bumpy_head, camera, filtered, painted, view
 from threadpoolctl import threadpool_limits
 
+from bumpy_head import View, ball, bumpy_head, camera, filtered, painted, view
 from unlit._runtime import mitsuba
 from unlit.render.reference import path_trace
 from unlit.render.relight import composed

@@ -1,10 +1,9 @@
 """Visibility bits against single shadow rays."""
 
 import drjit as dr
-import numpy as np
 import pytest
-from bumpy_head import View, bumpy_head, camera, painted, view
 
+from bumpy_head import View, bumpy_head, camera, painted, view
 from unlit._runtime import mitsuba
 from unlit.render.transport import Directions, visibility
 from unlit.render.visibility import HORIZON, OFFSET, visible, words

@@ -57,7 +57,9 @@ def test_power_of_lobes_is_the_rasters_flux() -> None:
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     sharpness = np.geomspace(0.1, 300, 12)
     light = SphericalGaussians(
-        axis.astype(np.float32), sharpness.astype(np.float32), rng.uniform(0.5, 2, 12).astype(np.float32)
+        axis.astype(np.float32),
+        sharpness.astype(np.float32),
+        rng.uniform(0.5, 2, 12).astype(np.float32),
     )
     raster = light.rasterize()
     assert raster.shape == RASTER

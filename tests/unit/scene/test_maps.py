@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from bumpy_head import painted
 
+from bumpy_head import painted
 from unlit.scene.maps import DIFFUSE_BLUR, blur, fill, kernel
 
 

@@ -3,10 +3,17 @@
 import drjit as dr
 import numpy as np
 import pytest
-from bumpy_head import ball, bumpy_head, camera
 
+from bumpy_head import ball, bumpy_head, camera
 from unlit._runtime import mitsuba
-from unlit.scene.mesh import Mesh, barycentric, camera_rays, surface, surface_weights, vertex_normals
+from unlit.scene.mesh import (
+    Mesh,
+    barycentric,
+    camera_rays,
+    surface,
+    surface_weights,
+    vertex_normals,
+)
 
 mi = mitsuba()
 
