@@ -134,7 +134,8 @@ def observe(
 
 def fitted_head(capture: Capture, model: HeadModel) -> Head:
     """`model` fitted to the capture's landmarks. Raises FaceError."""
-    fit = fit_head(model, capture.landmarks, capture.camera)
+    closed = bool(capture.regions.mouth.max() < 0.5)
+    fit = fit_head(model, capture.landmarks, capture.camera, mouth_closed=closed)
     return Head(
         fit.vertices,
         model.triangles,

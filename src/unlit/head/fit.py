@@ -91,8 +91,12 @@ def fit_head(
     landmarks: np.ndarray,
     camera: Camera,
     settings: FitSettings | None = None,
+    mouth_closed: bool = False,
 ) -> HeadFit:
     """Fit `model` to `landmarks` (478, 3): pixels of `camera`'s image, z in pixels, near is small.
+
+    mouth_closed: the photo shows no opening between the lips, whatever the landmarks say; they
+    take the edge of a two-toned lip for one.
 
     The landmarker's expression scores are not used: started from them or pulled towards them, the
     fit's normals were no better or worse (docs/head-model-format.md).
@@ -112,7 +116,7 @@ def fit_head(
         raise FaceError("no head fits the landmarks: use a photo that shows more of the face")
     shape = model.vertices(state.identity, state.expression)
     shape = lids_outside_eyes(model, shape)
-    if opening(landmarks[:, :2]) < settings.closed:
+    if mouth_closed or opening(landmarks[:, :2]) < settings.closed:
         shape = seal_lips(model, shape)
     vertices = shape @ state.rotation.T + state.translation
     return HeadFit(
