@@ -124,7 +124,7 @@ class Case:
 
     def normals(self, vertices: Any, perturbation: Any) -> tuple[Any, Any, Any, Any]:
         """Position, diffuse, specular and geometric normal at the pixels; differentiable."""
-        smooth = vertex_normals(vertices, self.mesh.triangles)
+        smooth = vertex_normals(vertices, self.mesh.corners)
         position, normal, geometric = surface(
             self.camera, self.hits, vertices, smooth, self.mesh.triangles
         )

@@ -55,33 +55,63 @@ def _count(values: Any, channels: int = 1) -> Any:
 
 @dataclass(frozen=True)
 class Neighbours:
-    """For each of P pixels, the index of the pixel to the right and of the one below.
+    """For each of P pixels, the indices of the pixels right of, below, left of and above it.
 
     A pixel without such a neighbour inside the mask points to itself: no difference, no cost.
     """
 
     right: Any
     below: Any
+    left: Any
+    above: Any
 
     @staticmethod
     def of(pixel: np.ndarray, width: int, height: int) -> Neighbours:
         """From row-major pixel indices (P,) of an image of `width` x `height`."""
-        lookup = np.full(width * height + width + 1, -1, dtype=np.int64)
-        lookup[pixel] = np.arange(len(pixel))
-        right = np.where(pixel % width == width - 1, -1, lookup[pixel + 1])
-        below = lookup[pixel + width]
+        lookup = np.full(width * (height + 2), -1, dtype=np.int64)
+        inside = pixel + width  # a row of nothing above and below
+        lookup[inside] = np.arange(len(pixel))
+        right = np.where(pixel % width == width - 1, -1, lookup[inside + 1])
+        left = np.where(pixel % width == 0, -1, lookup[inside - 1])
+        around = (right, lookup[inside + width], left, lookup[inside - width])
         own = np.arange(len(pixel))
-        return Neighbours(*(device(mi.UInt32, np.where(n < 0, own, n)) for n in (right, below)))
+        return Neighbours(*(device(mi.UInt32, np.where(n < 0, own, n)) for n in around))
 
 
 def total_variation(values: Any, neighbours: Neighbours) -> Any:
     """Mean over pixels (and channels) of |difference to the right| + |difference below|."""
     channels = [values] if isinstance(values, mi.Float) else list(values)
-    total = mi.Float(0)
-    for channel in channels:
-        for neighbour in (neighbours.right, neighbours.below):
-            total += dr.sum(dr.abs(dr.gather(mi.Float, channel, neighbour) - channel))
+    total = sum(dr.sum(dr.custom(_Variation, channel, neighbours)) for channel in channels)
     return total / _count(values, len(channels))
+
+
+class _Variation(dr.CustomOp):
+    """|difference to the right| + |difference below| per pixel.
+
+    Its adjoint is gathered from the neighbours on all four sides: the automatic one would scatter
+    with atomics, slower and not the same in every run.
+    """
+
+    def eval(self, values: Any, neighbours: Neighbours) -> Any:
+        self.values, self.neighbours = values, neighbours
+        right, below = (
+            dr.abs(dr.gather(mi.Float, values, n) - values)
+            for n in (neighbours.right, neighbours.below)
+        )
+        return right + below
+
+    def backward(self) -> None:
+        values, g, n = self.values, self.grad_out(), self.neighbours
+
+        def slope(index: Any) -> Any:
+            difference = values - dr.gather(mi.Float, values, index)
+            return dr.select(difference == 0, 0, dr.sign(difference))
+
+        def of(index: Any) -> Any:
+            return dr.gather(mi.Float, g, index)
+
+        own = g * (slope(n.right) + slope(n.below))
+        self.set_grad_in("values", own + of(n.left) * slope(n.left) + of(n.above) * slope(n.above))
 
 
 def landmark_l2(projected: Any, detected: Any, weight: Any, size: float) -> Any:

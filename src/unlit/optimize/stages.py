@@ -21,7 +21,7 @@ from ..scene.cells import Cells, grid_cells, refine
 from ..scene.light import grid_lobes
 from ..scene.lobes import CellRadiance
 from ..scene.maps import DIFFUSE_BLUR
-from ..scene.mesh import surface, vertex_normals
+from ..scene.mesh import corners_of, surface, vertex_normals
 from .blur import Blur
 from .losses import gloss_l1, image_l1, landmark_l2, normal_l2, shape_l2, total_variation
 from .optimizer import Adam
@@ -295,6 +295,7 @@ def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate
     traced = begin
     local: Any = None
     weight: Any = None
+    corners: Any = None
     turned: tuple[Any, Any] = (0.0, 0.0)
     for iteration in range(stage.iterations):
         vertices = dr.unravel(mi.Point3f, steps.from_differential(adam["latent"]))
@@ -308,6 +309,7 @@ def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate
                 sample = LightSample(problem, shading)
             else:
                 shading.points = problem.points()
+            corners = problem.mesh.hit_corners(problem.hits)
             known = dr.detach(radiance)
             shading.update(known.numpy(), problem.maps(run.result(estimate, *names)))
             local = linearize(shading.points, shading.directions, shading.bits, known.numpy())
@@ -315,8 +317,8 @@ def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate
             e, s = sample.transport.shade(known)
             turned = (sample.of(local.diffuse) - e, sample.of(local.specular) - s)
             dr.eval(turned)
-        normals = vertex_normals(vertices, triangles)
-        _, normal, _ = surface(problem.camera, problem.hits, vertices, normals, triangles)
+        normals = vertex_normals(vertices, problem.mesh.corners)
+        _, normal, _ = surface(problem.camera, problem.hits, vertices, normals, triangles, corners)
         e, s = local.shade(normal, normal)
         e, s = e + shading.indirect[0], s + shading.indirect[1]
         image = _render(adam["log_diffuse"], adam["log_specular"], e, s)
@@ -392,7 +394,7 @@ class Landmarks:
         evidence = problem.evidence
         used = np.flatnonzero((evidence.landmark_weight > 0) & (evidence.landmark_triangle >= 0))
         corner = evidence.triangles[evidence.landmark_triangle[used]]
-        self.corner = device(mi.Vector3u, corner)
+        self.corners = corners_of(corner, len(evidence.vertices))
         self.share = device(mi.Vector3f, evidence.landmark_barycentric[used])
         self.detected = device(mi.Point2f, evidence.landmarks[used, :2])
         weight = evidence.landmark_weight[used]
@@ -406,9 +408,7 @@ class Landmarks:
         if not dr.width(self.weight):
             return mi.Float(0)
         focal, cx, cy = self.pinhole
-        point: Any = sum(
-            dr.gather(mi.Point3f, vertices, self.corner[i]) * self.share[i] for i in range(3)
-        )
+        point: Any = sum(corner(vertices) * self.share[i] for i, corner in enumerate(self.corners))
         scale = focal / -point.z
         projected = mi.Point2f(cx + point.x * scale, cy - point.y * scale)
         return landmark_l2(projected, self.detected, self.weight, self.width)

@@ -15,21 +15,28 @@ import numpy as np
 from .._runtime import mitsuba
 from .arrays import device
 from .camera import Camera
+from .gather import Gather
 
 mi = mitsuba()
 
 
-def vertex_normals(vertices: Any, triangles: Any) -> Any:
+Corners = tuple[Gather, Gather, Gather]
+
+
+def corners_of(triangles: np.ndarray, vertices: int) -> Corners:
+    """Gathers of the three corners of triangles (F, 3) from arrays of `vertices` elements."""
+    a, b, c = (Gather(np.asarray(column), vertices) for column in np.asarray(triangles).T)
+    return a, b, c
+
+
+def vertex_normals(vertices: Any, corners: Corners) -> Any:
     """Unit vertex normals, differentiable: area-weighted mean of the triangles around each vertex.
 
-    vertices: mi.Point3f of width V; triangles: mi.Vector3u of width F. Returns mi.Vector3f, V.
+    vertices: mi.Point3f of width V; corners: of the F triangles. Returns mi.Vector3f, width V.
     """
-    a, b, c = (dr.gather(mi.Point3f, vertices, triangles[i]) for i in range(3))
-    face = dr.cross(b - a, c - a)
-    total = dr.zeros(mi.Vector3f, dr.width(vertices))
-    for corner in range(3):
-        for axis in range(3):
-            dr.scatter_add(total[axis], face[axis], triangles[corner])
+    a, b, c = (corner(vertices) for corner in corners)
+    face = mi.Vector3f(dr.cross(b - a, c - a))
+    total: Any = sum(corner.total(face) for corner in corners)
     # A vertex without triangles has no normal; it must not become NaN in the gradient either.
     return total * dr.rsqrt(dr.fmax(dr.squared_norm(total), 1e-20))
 
@@ -50,6 +57,7 @@ class Mesh:
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:
         self.triangles = device(mi.Vector3u, triangles)
+        self.corners = corners_of(triangles, len(vertices))
         self.vertices = mi.Point3f()
         self.normals = mi.Vector3f()
         self._mesh = mi.Mesh("face", len(vertices), len(triangles), has_vertex_normals=True)
@@ -62,7 +70,7 @@ class Mesh:
     def set_vertices(self, vertices: Any) -> None:
         """Move the mesh to `vertices` (mi.Point3f, width V), and the scene of its rays."""
         self.vertices = dr.detach(vertices)
-        self.normals = vertex_normals(self.vertices, self.triangles)
+        self.normals = vertex_normals(self.vertices, self.corners)
         dr.eval(self.vertices, self.normals)
         self._parameters["vertex_positions"] = dr.ravel(self.vertices)
         self._parameters["vertex_normals"] = dr.ravel(self.normals)
@@ -74,6 +82,11 @@ class Mesh:
             self._scene_parameters["face.vertex_positions"] = dr.ravel(self.vertices)
             self._scene_parameters["face.vertex_normals"] = dr.ravel(self.normals)
             self._scene_parameters.update()
+
+    def hit_corners(self, hits: Hits) -> Corners:
+        """Gathers of the corners of the triangles that were hit."""
+        triangles = self.triangles.numpy().T[hits.triangle.numpy()]
+        return corners_of(triangles, dr.width(self.vertices))
 
     def camera_hits(self, camera: Camera) -> Hits:
         """The triangle seen through each pixel centre of `camera`, for the pixels that see one."""
@@ -117,14 +130,26 @@ def surface_weights(camera: Camera, hits: Hits, vertices: Any, triangles: Any) -
 
 
 def surface(
-    camera: Camera, hits: Hits, vertices: Any, normals: Any, triangles: Any
+    camera: Camera,
+    hits: Hits,
+    vertices: Any,
+    normals: Any,
+    triangles: Any,
+    corners: Corners | None = None,
 ) -> tuple[Any, Any, Any]:
     """Position, unit smooth normal and geometric normal at the camera hits, all differentiable.
 
-    Returns (mi.Point3f, mi.Vector3f, mi.Vector3f) of width P, world frame, cm.
+    Returns (mi.Point3f, mi.Vector3f, mi.Vector3f) of width P, world frame, cm. corners: those of
+    the hit triangles, if gradients are to be the same in every run (Mesh.hit_corners).
     """
-    corner, weights = surface_weights(camera, hits, vertices, triangles)
-    a, b, c = (dr.gather(mi.Point3f, vertices, corner[i]) for i in range(3))
+    if corners is None:
+        corner = dr.gather(mi.Vector3u, triangles, hits.triangle)
+        a, b, c = (dr.gather(mi.Point3f, vertices, corner[i]) for i in range(3))
+        na, nb, nc = (dr.gather(mi.Vector3f, normals, corner[i]) for i in range(3))
+    else:
+        a, b, c = (corner(vertices) for corner in corners)
+        na, nb, nc = (corner(normals) for corner in corners)
+    weights = barycentric(camera_rays(camera, hits.pixel).d, a, b, c)
     position = a * weights.x + b * weights.y + c * weights.z
-    normal = sum(dr.gather(mi.Vector3f, normals, corner[i]) * weights[i] for i in range(3))
+    normal = na * weights.x + nb * weights.y + nc * weights.z
     return position, dr.normalize(normal), dr.normalize(mi.Vector3f(dr.cross(b - a, c - a)))

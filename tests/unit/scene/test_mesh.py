@@ -10,6 +10,7 @@ from unlit.scene.mesh import (
     Mesh,
     barycentric,
     camera_rays,
+    corners_of,
     surface,
     surface_weights,
     vertex_normals,
@@ -49,7 +50,7 @@ def test_vertex_without_triangles_is_no_nan() -> None:
     """A stray vertex has no normal; it must not spoil values or gradients."""
     vertices = mi.Point3f([0, 1, 0, 5], [0, 0, 1, 5], [-5, -5, -5, -5])
     dr.enable_grad(vertices)
-    normals = vertex_normals(vertices, mi.Vector3u([0], [1], [2]))
+    normals = vertex_normals(vertices, corners_of(np.array([[0, 1, 2]]), dr.width(vertices)))
     assert np.isfinite(normals.numpy()).all()
     dr.backward(dr.sum(normals.x + normals.z))
     assert np.isfinite(dr.grad(vertices).numpy()).all()
@@ -100,7 +101,7 @@ def test_smooth_normal_differentiates_with_the_vertices(head: Mesh) -> None:
     weight = mi.Vector3f(rng.standard_normal((3, dr.width(hits.pixel))).astype(np.float32))
 
     def loss(vertices: object) -> object:
-        normals = vertex_normals(vertices, head.triangles)
+        normals = vertex_normals(vertices, head.corners)
         _, normal, _ = surface(view, hits, vertices, normals, head.triangles)
         return dr.sum(dr.dot(weight, normal))
 
