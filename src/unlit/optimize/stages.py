@@ -202,6 +202,14 @@ def _gloss(settings: Settings, log_specular: Any, s: Any, weight: Any) -> Any:
     return settings.specular_cost * gloss_l1(log_specular, settings.nominal_specular, s, weight)
 
 
+def _map_loss(problem: Problem, stage: Stage, adam: Adam, e: Any, s: Any, weight: Any) -> Any:
+    """What stages 2 to 5 ask of the albedo maps: the image, smoothness, plain gloss."""
+    image = _render(adam["log_diffuse"], adam["log_specular"], e, s)
+    loss = stage.image * image_l1(image, problem.target, weight)
+    loss += _smoothness(stage, problem, adam["log_diffuse"], adam["log_specular"])
+    return loss + _gloss(problem.settings, adam["log_specular"], s, weight)
+
+
 def _trusted(problem: Problem, e: Any) -> Any:
     """Weight of each pixel's evidence on the maps, sum 1: its own times E / (E + error)."""
     level = dr.mean(dr.detach(e))
@@ -250,10 +258,7 @@ def stage2(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
             e, s = shading.shade(known)
             weight = _trusted(problem, e)
             dr.eval(e, s)
-        image = _render(adam["log_diffuse"], adam["log_specular"], e, s)
-        loss = stage.image * image_l1(image, problem.target, weight)
-        loss += _smoothness(stage, problem, adam["log_diffuse"], adam["log_specular"])
-        loss += _gloss(settings, adam["log_specular"], s, weight)
+        loss = _map_loss(problem, stage, adam, e, s, weight)
         lit = _light_loss(sample, shading, adam, *sample.transport.shade(radiance))
         run.step(iteration, loss, stage.image * lit)
     return run.result(estimate, *names)
@@ -321,10 +326,7 @@ def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate
         _, normal, _ = surface(problem.camera, problem.hits, vertices, normals, triangles, corners)
         e, s = local.shade(normal, normal)
         e, s = e + shading.indirect[0], s + shading.indirect[1]
-        image = _render(adam["log_diffuse"], adam["log_specular"], e, s)
-        loss = stage.image * image_l1(image, problem.target, weight)
-        loss += _smoothness(stage, problem, adam["log_diffuse"], adam["log_specular"])
-        loss += _gloss(settings, adam["log_specular"], s, weight)
+        loss = _map_loss(problem, stage, adam, e, s, weight)
         loss += stage.landmark * landmarks.loss(vertices)
         loss += stage.shape * shape_l2(vertices, fitted, settings.shape_unit)
         e, s = sample.transport.shade(radiance)
@@ -368,10 +370,7 @@ def _normals_and_albedo(
             weight = _trusted(problem, local.diffuse + shading.indirect[0])
         e, s = local.shade(diffuse_normal, specular_normal)
         e, s = e + shading.indirect[0], s + shading.indirect[1]
-        image = _render(adam["log_diffuse"], adam["log_specular"], e, s)
-        loss = stage.image * image_l1(image, problem.target, weight)
-        loss += _smoothness(stage, problem, adam["log_diffuse"], adam["log_specular"])
-        loss += _gloss(settings, adam["log_specular"], s, weight)
+        loss = _map_loss(problem, stage, adam, e, s, weight)
         loss += stage.normal * settings.normal_scale * normal_l2(perturbation)
         run.step(iteration, loss)
     return run.result(estimate, *names)
