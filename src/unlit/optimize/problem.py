@@ -210,7 +210,7 @@ class Shading:
 class LightSample:
     """An even sample of the pixels, enough for the light's few unknowns (stages 1 to 3).
 
-    Its transport is factorised once, so that the light's gradient costs next to nothing; the
+    Its transport is tabulated once, so that the light's gradient is two matrix products; the
     indirect light of `shading` is taken as it stands at each call.
     """
 
@@ -221,8 +221,7 @@ class LightSample:
         self.index = device(mi.UInt32, self.rows)
         points = shading.points.gather(self.index)
         bits = visibility(problem.mesh.scene, points, shading.directions)
-        ranks = (settings.diffuse_rank, settings.specular_rank)
-        self.transport = Transport(points, shading.directions, bits, ranks)
+        self.transport = Transport(points, shading.directions, bits)
         self.target = self.of(problem.target)
         self.weight = self.of(problem.weight)
         self.weight /= dr.sum(self.weight)

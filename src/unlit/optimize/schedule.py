@@ -75,10 +75,10 @@ class Settings:
     min_sharpness: float = 4.0
     max_sharpness: float = 600.0
     #: Specular albedo of a clean skin surface, from which every region starts.
-    nominal_specular: float = 0.7
-    #: Cost of gloss that departs from it, |rho_s - nominal| S: a constant veil of gloss cannot be
-    #: told from paler albedo, and without a cost its level drifts.
-    specular_cost: float = 0.5
+    nominal_specular: float = 1.0
+    #: Cost of gloss that departs from it, |rho_s - nominal| S: under an even light a veil of gloss
+    #: can hardly be told from paler albedo. Weak, so that highlights decide where there are any.
+    specular_cost: float = 0.1
     #: Upper bound of the specular albedo; far above any skin's, because albedo and light share
     #: one unknown gain.
     max_specular: float = 20.0
@@ -91,12 +91,10 @@ class Settings:
     shading_error: float = 0.2
     #: Factors on Table 1's weights of smoothness and of the normal perturbation: how the paper
     #: normalises these terms is not given.
-    smoothness_scale: float = 1.0
+    diffuse_smoothness_scale: float = 3.0
+    specular_smoothness_scale: float = 1.0
     normal_scale: float = 30.0
 
-    #: Rank of the transport's factorisation: diffuse, specular.
-    diffuse_rank: int = 96
-    specular_rank: int = 160
     #: Pixels, evenly spread, from which the light's gradient is taken.
     light_points: int = 8000
     #: Cells of the light: rows, columns of the regular grid; split further where the light is
@@ -161,7 +159,7 @@ def override(settings: Settings, changes: dict[str, Any]) -> Settings:
         settings = _set(settings, name.split("."), value, name)
     if not 256 <= settings.resolution <= 2048:
         raise SettingsError(f"resolution={settings.resolution}: choose 256 to 2048 pixels")
-    for name in ("diffuse_rank", "specular_rank", "light_points", "refresh_interval"):
+    for name in ("light_points", "refresh_interval"):
         if getattr(settings, name) < 1:
             raise SettingsError(f"{name}={getattr(settings, name)}: must be 1 or more")
     for name, stage in zip(TABLE_1, settings.stages(), strict=True):

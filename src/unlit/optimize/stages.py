@@ -23,7 +23,7 @@ from ..scene.lobes import CellRadiance
 from ..scene.maps import DIFFUSE_BLUR
 from ..scene.mesh import corners_of, surface, vertex_normals
 from .blur import Blur
-from .losses import gloss_l1, image_l1, landmark_l2, normal_l2, shape_l2, total_variation
+from .losses import encode, gloss_l1, image_l1, landmark_l2, normal_l2, shape_l2, total_variation
 from .optimizer import Adam
 from .problem import Estimate, LightSample, Problem, Shading
 from .schedule import Settings, Stage
@@ -120,6 +120,12 @@ class _Run:
             self.problem.history.setdefault(self.name, []).append((iteration, value))
             self.problem.progress(self.name, iteration + 1, iterations, value)
 
+    def expose(self, e: Any) -> None:
+        """Fix the gain between light and albedo, given the diffuse shading E (see `exposed`)."""
+        shift = float(np.log(_exposure(e)))
+        for name, sign in (("log_diffuse", 1), ("log_specular", 1), ("log_amplitude", -1)):
+            self.adam[name] = dr.detach(self.adam[name]) + dr.opaque(mi.Float, sign * shift)
+
     def result(self, estimate: Estimate, *names: str) -> Estimate:
         """`estimate` with the named parameters as they are now."""
         return replace(estimate, **{name: dr.detach(self.adam[name]) for name in names})
@@ -127,9 +133,11 @@ class _Run:
 
 def _smoothness(stage: Stage, problem: Problem, log_diffuse: Any, log_specular: Any) -> Any:
     """Smoothness of both albedo maps per texel (section 3.2)."""
-    diffuse = stage.diffuse_smoothness * total_variation(log_diffuse, problem.neighbours)
+    scales = problem.settings
+    seen = encode(dr.exp(log_diffuse))
+    diffuse = stage.diffuse_smoothness * total_variation(seen, problem.neighbours)
     specular = stage.specular_smoothness * total_variation(log_specular, problem.neighbours)
-    return problem.settings.smoothness_scale * (diffuse + specular)
+    return scales.diffuse_smoothness_scale * diffuse + scales.specular_smoothness_scale * specular
 
 
 def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
@@ -161,9 +169,11 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
         )
 
     for iteration in range(stage.iterations):
-        radiance = _radiance(cells, adam)
         if iteration % settings.refresh_interval == 0:
-            shading.update(dr.detach(radiance).numpy(), problem.maps(spread()))
+            e, _ = sample.transport.shade(dr.detach(_radiance(cells, adam)))
+            run.expose(e + sample.of(shading.indirect[0]))
+            shading.update(dr.detach(_radiance(cells, adam)).numpy(), problem.maps(spread()))
+        radiance = _radiance(cells, adam)
         e, s = sample.transport.shade(radiance)
         e, s = e + sample.of(shading.indirect[0]), s + sample.of(shading.indirect[1])
         log_specular = _spread(masks, adam["log_specular"])
@@ -251,13 +261,16 @@ def stage2(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     s: Any = None
     weight: Any = None
     for iteration in range(stage.iterations):
-        radiance = _radiance(cells, adam)
         if iteration % settings.refresh_interval == 0:
-            known = dr.detach(radiance).numpy()
+            if iteration:
+                e, _ = sample.transport.shade(dr.detach(_radiance(cells, adam)))
+                run.expose(e + sample.of(shading.indirect[0]))
+            known = dr.detach(_radiance(cells, adam)).numpy()
             shading.update(known, problem.maps(run.result(estimate, *names)))
             e, s = shading.shade(known)
             weight = _trusted(problem, e)
             dr.eval(e, s)
+        radiance = _radiance(cells, adam)
         loss = _map_loss(problem, stage, adam, e, s, weight)
         lit = _light_loss(sample, shading, adam, *sample.transport.shade(radiance))
         run.step(iteration, loss, stage.image * lit)
@@ -304,8 +317,10 @@ def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate
     turned: tuple[Any, Any] = (0.0, 0.0)
     for iteration in range(stage.iterations):
         vertices = dr.unravel(mi.Point3f, steps.from_differential(adam["latent"]))
-        radiance = _radiance(of_lobes, adam)
         if iteration % settings.refresh_interval == 0:
+            e, _ = sample.transport.shade(dr.detach(_radiance(of_lobes, adam)))
+            if iteration:
+                run.expose(e + turned[0] + sample.of(shading.indirect[0]))
             moved = float(dr.max(dr.norm(dr.detach(vertices) - traced)).numpy().item())
             problem.move(vertices)
             if moved > settings.retrace_distance:
@@ -315,13 +330,14 @@ def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate
             else:
                 shading.points = problem.points()
             corners = problem.mesh.hit_corners(problem.hits)
-            known = dr.detach(radiance)
+            known = dr.detach(_radiance(of_lobes, adam))
             shading.update(known.numpy(), problem.maps(run.result(estimate, *names)))
             local = linearize(shading.points, shading.directions, shading.bits, known.numpy())
             weight = _trusted(problem, local.diffuse + shading.indirect[0])
             e, s = sample.transport.shade(known)
             turned = (sample.of(local.diffuse) - e, sample.of(local.specular) - s)
             dr.eval(turned)
+        radiance = _radiance(of_lobes, adam)
         normals = vertex_normals(vertices, problem.mesh.corners)
         _, normal, _ = surface(problem.camera, problem.hits, vertices, normals, triangles, corners)
         e, s = local.shade(normal, normal)
@@ -447,4 +463,9 @@ def exposed(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     radiance = CellRadiance(shading.cells).of(estimate.light())
     shading.update(radiance, problem.maps(estimate))
     e, _ = shading.shade(radiance)
-    return estimate.brightened(float(np.percentile(dr.mean(e).numpy(), 99)))
+    return estimate.brightened(_exposure(e))
+
+
+def _exposure(e: Any) -> float:
+    """The diffuse shading E of the best-lit skin."""
+    return float(np.percentile(dr.mean(dr.detach(e)).numpy(), 99))

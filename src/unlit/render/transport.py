@@ -8,10 +8,10 @@ face is shaded by two numbers that are linear in the light L (one mean radiance 
     I(p) = rho_d(p) E(p) + rho_s(p) S(p)
 
 This is precomputed radiance transfer (Sloan et al. 2002) used for inverse rendering. Two forms of
-it are here: `shade` sums over the cells of any light, exactly, for any number of points;
-`Transport` keeps, for a sample of the points, a low-rank factorisation E = U_E (W_E L),
-S = U_S (W_S L) whose product and transposed product give the light its gradient in a millisecond;
-`linearize` gives the change of E and S with the normal.
+it are here, and its derivative: `shade` sums over the cells of any light for any number of points;
+`Transport` keeps both sums as matrices for a sample of the points, whose product and transposed
+product give the light its gradient in a few milliseconds; `linearize` gives the change of E and S
+with the normal.
 """
 
 from __future__ import annotations
@@ -197,14 +197,6 @@ def _rows(points: Points, directions: Directions, bits: Any) -> tuple[np.ndarray
     return diffuse, lobe
 
 
-def _basis(rows: np.ndarray, rank: int) -> np.ndarray:
-    """Orthonormal basis (rank, D) of the rows' dominant row space."""
-    gram = (rows.T @ rows).astype(np.float64)
-    rank = min(rank, len(gram))
-    _, vectors = np.linalg.eigh(gram)
-    return np.ascontiguousarray(vectors[:, ::-1][:, :rank].T.astype(np.float32))
-
-
 class Product:
     """y = U x and its transpose for a tall (N, R) float32 matrix.
 
@@ -244,23 +236,15 @@ class _Multiply(dr.CustomOp):
 
 
 class Transport:
-    """Low-rank transport: E and S as differentiable functions of the cells' radiance.
+    """The transport matrices of some points: E and S as functions of the cells' radiance.
 
-    rank: number of basis vectors for the diffuse and the specular part.
+    P x D float32 each: for a sample of the pixels only.
     """
 
-    def __init__(
-        self, points: Points, directions: Directions, bits: Any, rank: tuple[int, int]
-    ) -> None:
-        rows = _rows(points, directions, bits)
-        bases = [_basis(part, r) for part, r in zip(rows, rank, strict=True)]
-        self._bases = [Product(b) for b in bases]
-        self._factors = [Product(part @ b.T) for part, b in zip(rows, bases, strict=True)]
+    def __init__(self, points: Points, directions: Directions, bits: Any) -> None:
+        self._products = [Product(rows) for rows in _rows(points, directions, bits)]
 
     def shade(self, radiance: Any) -> tuple[Any, Any]:
         """(E, S), mi.Float of width P, for `radiance` mi.Float of width D; differentiable."""
-        e, s = (
-            dr.custom(_Multiply, factor, dr.custom(_Multiply, basis, radiance))
-            for factor, basis in zip(self._factors, self._bases, strict=True)
-        )
+        e, s = (dr.custom(_Multiply, product, radiance) for product in self._products)
         return e, s

@@ -6,7 +6,6 @@ from functools import cache
 import drjit as dr
 import numpy as np
 import pytest
-from threadpoolctl import threadpool_limits
 
 from bumpy_head import View, ball, bumpy_head, camera, filtered, painted, view
 from unlit._runtime import mitsuba
@@ -115,23 +114,19 @@ def test_product_and_its_transpose() -> None:
     assert product.apply_transposed(mi.Float(y)).numpy() == pytest.approx(u.T @ y, abs=1e-4)
 
 
-@pytest.mark.parametrize("rank", [(96, 160), (24, 24)])
-def test_low_rank_transport(rank: tuple[int, int]) -> None:
-    """Close to the exact sum at working rank; its gradient is the adjoint of its product."""
+def test_transport_matrices() -> None:
+    """Equal to the sum over the cells; the gradient is the adjoint of the product."""
     scene, cells = small(), grid_cells()
     directions = Directions(cells)
     bits = visibility(scene.mesh.scene, scene.points, directions)
-    with threadpool_limits(1, user_api="blas"):
-        transport = Transport(scene.points, directions, bits, rank)
+    transport = Transport(scene.points, directions, bits)
     radiance = cells.average(LIGHTS["mixture"])
     exact = shade(scene.points, directions, bits, radiance)
     x = mi.Float(radiance)
     dr.enable_grad(x)
     e, s = transport.shade(x)
-    if rank == (96, 160):
-        for ours, truth in zip((e, s), exact, strict=True):
-            error = ours.numpy() - truth.numpy()
-            assert np.linalg.norm(error) < 0.01 * np.linalg.norm(truth.numpy())
+    for ours, truth in zip((e, s), exact, strict=True):
+        assert ours.numpy() == pytest.approx(truth.numpy(), rel=1e-4, abs=1e-6)
     rng = np.random.default_rng(2)
     ye, ys = (mi.Float(rng.standard_normal(len(scene.points)).astype(np.float32)) for _ in "es")
     dr.backward(dr.sum(ye * e) + dr.sum(ys * s))
