@@ -161,6 +161,22 @@ class FetchConsole:
         sys.stderr.flush()
 
 
+class StepConsole:
+    """Prints the progress of a few steps; call it with (what is done now, steps done, of all)."""
+
+    def __init__(self, console: Console | None = None) -> None:
+        self.console = console or Console(stderr=True, highlight=False, soft_wrap=True)
+
+    def __call__(self, what: str, done: int, total: int) -> None:
+        if self.console.is_terminal:
+            bar = ("=" * (24 * done // total)).ljust(24)
+            end = "\n" if done == total else "\r"
+            self.console.print(f"[{bar}] {what:<40}", end=end, markup=False)
+        elif done == 0:
+            self.console.print(what, markup=False)
+        sys.stderr.flush()
+
+
 def _clock(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes}:{rest:02d}"

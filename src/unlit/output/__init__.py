@@ -1,5 +1,6 @@
 """The folder of results: written whole or not at all, loaded again to the bit."""
 
+from .export import FORMATS, export
 from .folder import reserve, write_one
 from .load import load
 from .montage import montage, montage_png, preview_png
@@ -7,6 +8,8 @@ from .save import FILES, needed_bytes, save
 
 __all__ = [
     "FILES",
+    "FORMATS",
+    "export",
     "load",
     "montage",
     "montage_png",

@@ -68,21 +68,27 @@ def reserve(folder: Path, names: Collection[str], need: int) -> Iterator[Path]:
                 (folder / PREVIEW).unlink(missing_ok=True)
 
 
-def write_all(folder: Path, writers: Mapping[str, Callable[[Path], object]]) -> None:
+def write_all(
+    folder: Path,
+    writers: Mapping[str, Callable[[Path], object]],
+    mark: str = MARK,
+    mark_text: str = MARK_TEXT,
+) -> None:
     """Write files into `folder`: all of them, or none.
 
-    writers: by file name, a function that writes the file to the path it is given. Raises
-    OutputError. Files of other names stay as they are.
+    writers: by file name, a function that writes the file to the path it is given; `mark`, which
+    starts with `mark_text`, is one of them. Raises OutputError. Files of other names stay as they
+    are.
     """
     with _made(folder), _explained(folder):
-        _refuse_foreign(folder, writers)
+        _refuse_foreign(folder, writers, mark, mark_text)
         with _staging(folder) as name:
             staging = Path(name)
             for file, write in writers.items():
                 write(staging / file)
             with _signals_wait():
-                (folder / MARK).unlink(missing_ok=True)
-                for file in sorted(writers, key=lambda file: file == MARK):
+                (folder / mark).unlink(missing_ok=True)
+                for file in sorted(writers, key=lambda file: file == mark):
                     (staging / file).replace(folder / file)
 
 
@@ -117,18 +123,21 @@ def _made(folder: Path) -> Iterator[None]:
                 place.rmdir()
 
 
-def _refuse_foreign(folder: Path, names: Collection[str]) -> None:
+def _refuse_foreign(
+    folder: Path, names: Collection[str], mark: str = MARK, mark_text: str = MARK_TEXT
+) -> None:
     """A file of ours is replaced without asking, somebody else's of the same name is not."""
     try:
-        with (folder / MARK).open("rb") as file:
-            if file.read(len(MARK_TEXT)) == MARK_TEXT.encode():
+        with (folder / mark).open("rb") as file:
+            if file.read(len(mark_text)) == mark_text.encode():
                 return
     except FileNotFoundError:
         pass
+    kind = "result" if mark == MARK else "export"
     for name in sorted(names):
         if (folder / name).exists():
             raise OutputError(
-                f"{folder}: holds {name}, but is not a whole result of unlit; choose another "
+                f"{folder}: holds {name}, but is not a whole {kind} of unlit; choose another "
                 f"folder or move {name} away"
             )
 

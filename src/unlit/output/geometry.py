@@ -1,4 +1,4 @@
-"""Mesh files: Wavefront OBJ and binary PLY, with normals and texture coordinates.
+"""Mesh files: Wavefront OBJ with MTL and binary PLY, with normals and texture coordinates.
 
 Both are in the world frame of scene/camera.py (right-handed, y up, the camera at the origin
 looking along -z), centimetres; texture coordinates have v up.
@@ -6,9 +6,14 @@ looking along -z), centimetres; texture coordinates have v up.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..reconstruction import Reconstruction
+from . import textures
+from .parts import PARTS
+from .tangent import tangents
 
 _PLY_PROPERTIES = ("x", "y", "z", "nx", "ny", "nz", "s", "t")
 
@@ -31,38 +36,99 @@ def vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return (total / np.maximum(length, 1e-30)).astype(np.float32)
 
 
-def obj(reconstruction: Reconstruction) -> bytes:
-    """Wavefront OBJ; positions, texture coordinates and normals are indexed separately."""
+@dataclass(frozen=True)
+class Welded:
+    """The mesh with one index per corner: a vertex on a seam once for each texture coordinate.
+
+    vertex: (W,) row of the reconstruction's vertices. position: (W, 3) cm, world frame. normal:
+    (W, 3) unit. uv: (W, 2), v up. tangent: (W, 4), see tangent.py. All float32. triangles: (F, 3)
+    int32, in the order of the reconstruction's.
+    """
+
+    vertex: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+    uv: np.ndarray
+    tangent: np.ndarray
+    triangles: np.ndarray
+
+
+def welded(reconstruction: Reconstruction) -> Welded:
+    """The mesh of `reconstruction` as renderers and file formats with one index want it."""
     r = reconstruction
-    lines = ["# unlit: world frame = camera frame, y up, centimetres", "o face"]
+    pairs = np.stack([r.triangles.ravel(), r.triangle_uv.ravel()], axis=1)
+    unique, index = np.unique(pairs, axis=0, return_inverse=True)
+    triangles = index.reshape(-1, 3).astype(np.int32)
+    vertex = unique[:, 0]
+    position, uv = r.vertices[vertex], r.uv[unique[:, 1]]
+    normal = vertex_normals(r.vertices, r.triangles)[vertex]
+    return Welded(
+        vertex, position, normal, uv, tangents(position, normal, uv, triangles), triangles
+    )
+
+
+def obj(reconstruction: Reconstruction, part: np.ndarray, materials: str) -> bytes:
+    """Wavefront OBJ; positions, texture coordinates and normals are indexed separately.
+
+    part: (F,) index into PARTS of each triangle: faces are grouped by it, one material each.
+    materials: name of the MTL file.
+    """
+    r = reconstruction
+    lines = [
+        "# unlit: world frame = camera frame, y up, centimetres",
+        f"mtllib {materials}",
+        "o face",
+    ]
     lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in r.vertices.tolist()]
     lines += [f"vt {u:.9g} {v:.9g}" for u, v in r.uv.tolist()]
     normal = vertex_normals(r.vertices, r.triangles)
     lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in normal.tolist()]
     corners = np.stack([r.triangles, r.triangle_uv], axis=2) + 1
-    lines += [
-        f"f {a}/{ta}/{a} {b}/{tb}/{b} {c}/{tc}/{c}"
-        for (a, ta), (b, tb), (c, tc) in corners.tolist()
-    ]
+    for index, name in enumerate(PARTS):
+        faces = corners[part == index].tolist()
+        lines += [f"usemtl {name}"] * bool(faces)
+        lines += [
+            f"f {a}/{ta}/{a} {b}/{tb}/{b} {c}/{tc}/{c}" for (a, ta), (b, tb), (c, tc) in faces
+        ]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def mtl(part: np.ndarray) -> bytes:
+    """The materials of `obj`, with the textures of textures.py beside it.
+
+    The last four lines are the physically based extension that Blender and others read.
+    """
+    from ..scene.brdf import IOR
+
+    lines = ["# unlit"]
+    for index in np.unique(part):
+        lines += [
+            f"newmtl {PARTS[index]}",
+            "Kd 1 1 1",
+            "Ks 0.0255 0.0255 0.0255",
+            "Ns 20",
+            f"Ni {IOR}",
+            "illum 2",
+            f"map_Kd {textures.ALBEDO}",
+            f"map_Pr {textures.ROUGHNESS}",
+            "Pm 0",
+            f"norm {textures.NORMAL}",
+        ]
     return ("\n".join(lines) + "\n").encode()
 
 
 def ply(reconstruction: Reconstruction) -> bytes:
     """Binary little-endian PLY. A vertex on a seam is written once for each texture coordinate."""
-    r = reconstruction
-    pairs = np.stack([r.triangles.ravel(), r.triangle_uv.ravel()], axis=1)
-    unique, index = np.unique(pairs, axis=0, return_inverse=True)
-    normal = vertex_normals(r.vertices, r.triangles)
-    vertex = np.concatenate(
-        [r.vertices[unique[:, 0]], normal[unique[:, 0]], r.uv[unique[:, 1]]], axis=1
-    ).astype("<f4")
-    face = np.empty(len(r.triangles), dtype=[("count", "u1"), ("vertex", "<i4", 3)])
+    mesh = welded(reconstruction)
+    vertex = np.concatenate([mesh.position, mesh.normal, mesh.uv], axis=1).astype("<f4")
+    face = np.empty(len(mesh.triangles), dtype=[("count", "u1"), ("vertex", "<i4", 3)])
     face["count"] = 3
-    face["vertex"] = index.reshape(-1, 3)
+    face["vertex"] = mesh.triangles
     properties = "".join(f"property float {name}\n" for name in _PLY_PROPERTIES)
     header = (
         "ply\nformat binary_little_endian 1.0\n"
         "comment unlit: world frame = camera frame, y up, centimetres\n"
+        f"comment TextureFile {textures.ALBEDO}\n"
         f"element vertex {len(vertex)}\n{properties}"
         f"element face {len(face)}\nproperty list uchar int vertex_indices\nend_header\n"
     )

@@ -13,10 +13,12 @@ import tomli_w
 
 from ..reconstruction import Reconstruction
 from .arrays import write_arrays
+from .export import atlas_pngs
 from .folder import MARK, MARK_TEXT, write_all
-from .geometry import obj, ply
+from .geometry import mtl, obj, ply
 from .images import MAPS, exr, png
 from .montage import montage_png
+from .textures import PNGS
 
 #: Version of reconstruction.toml and .npz.
 FORMAT = 1
@@ -29,7 +31,9 @@ _FRAME = (
 _OTHER_FILES = {
     "light.json": "spherical Gaussians: axis, sharpness, amplitude",
     "mesh.obj": "mesh with normals and texture coordinates",
-    "mesh.ply": "the same, binary",
+    "mesh.mtl": "its materials",
+    "mesh.ply": "the same mesh, binary",
+    "face.glb": "mesh, materials and textures for viewers and game engines",
     "camera.json": "pinhole camera of the crop, and where the crop lies in the photo",
     "reconstruction.npz": "every array, as loaded by unlit.load",
     "metrics.json": "losses by stage, timings, memory, residual of the fit",
@@ -37,10 +41,13 @@ _OTHER_FILES = {
     MARK: "this file",
 }
 LOG = "reconstruction.log"
+#: Texels a side of the atlas; `unlit export` writes it at other sizes.
+ATLAS_SIZE = 1024
 #: All names that `save` writes.
 FILES = {
     **{f"{name}.exr": "linear float32" for name in MAPS},
     **{f"{name}.png": "preview" for name in MAPS},
+    **dict.fromkeys(PNGS, "texture of the mesh"),
     **_OTHER_FILES,
     LOG: "what the run printed",
 }
@@ -48,7 +55,7 @@ FILES = {
 
 def needed_bytes(resolution: int) -> int:
     """Room that a result of `resolution` pixels a side takes on disk, with some to spare."""
-    return 300 * resolution**2 + (16 << 20)
+    return 300 * resolution**2 + (28 << 20)
 
 
 def save(reconstruction: Reconstruction, folder: str | Path, log: str = "") -> None:
@@ -58,7 +65,11 @@ def save(reconstruction: Reconstruction, folder: str | Path, log: str = "") -> N
     Raises OutputError if the folder cannot be written, or holds somebody else's file under one of
     the names to be written.
     """
+    from .atlas import bake
+    from .gltf import glb
+
     r = reconstruction
+    atlas = bake(r, ATLAS_SIZE)
     texts = {
         "light.json": _json(_light(r)),
         "camera.json": _json(_camera(r)),
@@ -69,7 +80,10 @@ def save(reconstruction: Reconstruction, folder: str | Path, log: str = "") -> N
     writers: dict[str, Callable[[Path], object]] = {
         **{f"{name}.exr": _exr(array(r)) for name, (array, _) in MAPS.items()},
         **{f"{name}.png": _png(array(r), look) for name, (array, look) in MAPS.items()},
-        "mesh.obj": lambda path: path.write_bytes(obj(r)),
+        **atlas_pngs(atlas),
+        "face.glb": lambda path: path.write_bytes(glb(r, atlas)),
+        "mesh.obj": lambda path: path.write_bytes(obj(r, atlas.part, "mesh.mtl")),
+        "mesh.mtl": lambda path: path.write_bytes(mtl(atlas.part)),
         "mesh.ply": lambda path: path.write_bytes(ply(r)),
         "reconstruction.npz": lambda path: write_arrays(r, path),
         "montage.png": lambda path: path.write_bytes(montage_png(r)),

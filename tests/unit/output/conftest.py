@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from small_head import save_quickly
 from unlit.photo import Crop
 from unlit.reconstruction import Reconstruction
 from unlit.scene.camera import Camera
@@ -92,5 +93,5 @@ def face() -> Reconstruction:
 
 @pytest.fixture
 def no_relight(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Relighting takes seconds: where its picture does not matter, the albedo stands in for it."""
-    monkeypatch.setattr(Reconstruction, "relight", lambda self, light: self.diffuse_albedo)
+    """Relighting and a large atlas take seconds: where they do not matter, something small."""
+    save_quickly(monkeypatch)

@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from unlit.output.geometry import obj, ply, vertex_normals
+from unlit.output.geometry import mtl, obj, ply, vertex_normals
+from unlit.output.parts import EYES, PARTS, SKIN
+from unlit.output.textures import PNGS
 
 
 def test_normals_are_those_of_the_renderer(face):
@@ -24,7 +26,8 @@ def test_normals_point_outwards_and_lone_vertices_have_none(face):
 
 def test_obj(face):
     """Positions to the bit of float32, and separate indices that count from 1."""
-    lines = [line.split() for line in obj(face).decode().splitlines()]
+    skin = np.full(len(face.triangles), SKIN, np.uint8)
+    lines = [line.split() for line in obj(face, skin, "mesh.mtl").decode().splitlines()]
     numbers = {
         kind: np.array([line[1:] for line in lines if line[0] == kind], dtype=np.float32)
         for kind in ("v", "vt", "vn")
@@ -38,6 +41,25 @@ def test_obj(face):
     np.testing.assert_array_equal(faces[..., 0], face.triangles)
     np.testing.assert_array_equal(faces[..., 1], face.triangle_uv)
     np.testing.assert_array_equal(faces[..., 2], face.triangles)
+
+
+def test_materials(face):
+    """Faces are grouped by part; every material is defined once, of textures that are written."""
+    part = (np.arange(len(face.triangles)) % 3 == 0).astype(np.uint8)  # SKIN and EYES mixed
+    lines = obj(face, part, "some.mtl").decode().splitlines()
+    assert "mtllib some.mtl" in lines
+    groups: dict[str, int] = {}
+    name = ""
+    for line in lines:
+        if line.startswith("usemtl "):
+            name = line.removeprefix("usemtl ")
+            assert name not in groups
+        groups[name] = groups.get(name, 0) + line.startswith("f ")
+    assert groups["eyes"] == (part == EYES).sum()
+    assert groups["skin"] == (part == SKIN).sum()
+    words = [line.split() for line in mtl(part).decode().splitlines()]
+    assert [word[1] for word in words if word[0] == "newmtl"] == [PARTS[SKIN], PARTS[EYES]]
+    assert {word[-1] for word in words if word[-1].endswith(".png")} <= set(PNGS)
 
 
 def test_ply(face):

@@ -1,0 +1,40 @@
+"""What the Blender script (blender_script.py) reads, and the script itself."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from ..reconstruction import Reconstruction
+from ..scene.brdf import IOR
+from .atlas import Atlas
+
+#: Blender's environment maps have the middle column along -x (of z up), ours along the camera's
+#: -y: a quarter turn, degrees.
+_LIGHT_TURN = 90.0
+
+
+def script() -> bytes:
+    """blender.py"""
+    return Path(__file__).with_name("blender_script.py").read_bytes()
+
+
+def settings(reconstruction: Reconstruction, atlas: Atlas) -> bytes:
+    """blender.json: the camera, and how often the specular lobe is doubled."""
+    camera = reconstruction.camera
+    largest = max(camera.width, camera.height)
+    doublings = max(0, int(np.ceil(np.log2(max(float(atlas.specular_albedo.max()), 1)))))
+    values = {
+        "size": [camera.width, camera.height],
+        "fov_x": float(2 * np.arctan(0.5 * camera.width / camera.focal)),
+        "shift": [
+            (camera.width / 2 - camera.cx) / largest,
+            (camera.cy - camera.height / 2) / largest,
+        ],
+        "ior": IOR,
+        "specular_doublings": doublings,
+        "light_turn": _LIGHT_TURN,
+    }
+    return (json.dumps(values, indent=1) + "\n").encode()

@@ -1,0 +1,199 @@
+"""`unlit export`: a saved result as files for other programs, in a folder of their own."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tomli_w
+
+from ..errors import SettingsError
+from ..reconstruction import Reconstruction
+from .folder import write_all
+from .geometry import mtl, obj, ply
+from .images import exr, png
+from .textures import EXRS, PNGS
+
+if TYPE_CHECKING:
+    from .atlas import Atlas
+
+#: The file that makes a folder an export, and the words it starts with.
+MARK = "export.toml"
+MARK_TEXT = "# unlit export"
+#: Texels a side.
+DEFAULT_SIZE, SMALLEST, LARGEST = 1024, 512, 4096
+
+
+@dataclass(frozen=True)
+class Job:
+    """What the writers need. back: path from the export's folder to the result's."""
+
+    reconstruction: Reconstruction
+    atlas: Atlas
+    directx: bool
+    back: str
+
+
+Progress = Callable[[str, int, int], None]
+Writers = dict[str, Callable[[Path], object]]
+
+
+def export(
+    reconstruction: Reconstruction,
+    folder: str | Path,
+    source: str | Path,
+    formats: Collection[str] = ("glb", "obj", "ply", "mitsuba", "blender"),
+    size: int = DEFAULT_SIZE,
+    directx: bool = False,
+    progress: Progress = lambda what, done, total: None,
+) -> Path:
+    """Write `formats` (keys of FORMATS) into `folder`, all or nothing; returns the folder.
+
+    source: the folder that `reconstruction` was loaded from, which scene_unlit.xml refers to.
+    size: texels a side of the atlas, 512 to 4096. directx: y of the PNG normal maps points down.
+    progress: called with (what is done now, steps done, steps in all).
+    Raises SettingsError or OutputError.
+    """
+    folder = Path(folder)
+    unknown = set(formats) - FORMATS.keys()
+    if unknown or not formats:
+        raise SettingsError(
+            f"{', '.join(sorted(unknown)) or 'no format'}: choose from {', '.join(FORMATS)}"
+        )
+    if not SMALLEST <= size <= LARGEST:
+        raise SettingsError(f"size {size}: choose {SMALLEST} to {LARGEST} texels")
+    from .atlas import bake
+
+    progress("baking the atlas", 0, 2)
+    atlas = bake(reconstruction, size)
+    back = _way(folder.resolve(), Path(source).resolve())
+    job = Job(reconstruction, atlas, directx, back)
+    writers: Writers = {}
+    for name in formats:
+        writers |= FORMATS[name](job)
+    table = {
+        "unlit": version("unlit"),
+        "photo": reconstruction.photo_name,
+        "source": back,
+        "formats": sorted(formats),
+        "size": size,
+        "normals": "y down (DirectX) in PNG" if directx else "y up (OpenGL)",
+        "files": sorted([*writers, MARK]),
+    }
+    text = f"{MARK_TEXT}. What each file holds: docs/outputs.md of unlit.\n\n{tomli_w.dumps(table)}"
+    writers[MARK] = lambda path: path.write_text(text, encoding="utf-8")
+    steps = len(writers) + 1
+
+    def told(number: int, name: str, write: Callable[[Path], object]) -> Callable[[Path], object]:
+        def step(path: Path) -> None:
+            progress(f"writing {name}", number, steps)
+            write(path)
+
+        return step
+
+    write_all(
+        folder,
+        {name: told(1 + n, name, write) for n, (name, write) in enumerate(writers.items())},
+        MARK,
+        MARK_TEXT,
+    )
+    progress("done", steps, steps)
+    return folder
+
+
+def _way(start: Path, end: Path) -> str:
+    """Path of `end` from `start`, with slashes; the whole path where they are on two drives."""
+    if start.drive != end.drive:
+        return end.as_posix()
+    return Path(os.path.relpath(end, start)).as_posix()
+
+
+def atlas_pngs(atlas: Atlas, directx: bool = False) -> Writers:
+    """Writers of the atlas as PNG files."""
+    return {
+        name: _bytes(lambda pixels=pixels: png(pixels(atlas, directx)))
+        for name, pixels in PNGS.items()
+    }
+
+
+def _bytes(content: Callable[[], bytes]) -> Callable[[Path], object]:
+    return lambda path: path.write_bytes(content())
+
+
+def _glb(job: Job) -> Writers:
+    from .gltf import glb
+
+    return {"face.glb": _bytes(lambda: glb(job.reconstruction, job.atlas))}
+
+
+def _obj(job: Job) -> Writers:
+    return {
+        "mesh.obj": _bytes(lambda: obj(job.reconstruction, job.atlas.part, "mesh.mtl")),
+        "mesh.mtl": _bytes(lambda: mtl(job.atlas.part)),
+        **atlas_pngs(job.atlas, job.directx),
+    }
+
+
+def _ply(job: Job) -> Writers:
+    return {
+        "mesh.ply": _bytes(lambda: ply(job.reconstruction)),
+        **atlas_pngs(job.atlas, job.directx),
+    }
+
+
+def _exrs(job: Job) -> Writers:
+    return {
+        name: _bytes(lambda pixels=pixels: exr(pixels(job.atlas))) for name, pixels in EXRS.items()
+    }
+
+
+def _mitsuba(job: Job) -> Writers:
+    from . import mitsuba_scene as scenes
+
+    r, atlas = job.reconstruction, job.atlas
+    return {
+        "scene.xml": _bytes(lambda: scenes.stock_scene(r, "mesh.ply")),
+        "scene_unlit.xml": _bytes(lambda: scenes.own_scene(r, "mesh.ply", job.back)),
+        "mesh.ply": _bytes(lambda: ply(r)),
+        scenes.TWICE_DIFFUSE: _bytes(lambda: exr(2 * atlas.diffuse_albedo)),
+        scenes.TWICE_SPECULAR: _bytes(lambda: exr(2 * atlas.specular_albedo)),
+        scenes.ENVIRONMENT: _bytes(lambda: exr(scenes.environment(r))),
+        **_exrs(job),
+    }
+
+
+def _blender(job: Job) -> Writers:
+    from . import blender
+
+    r = job.reconstruction
+    return {
+        "blender.py": _bytes(blender.script),
+        "blender.json": _bytes(lambda: blender.settings(r, job.atlas)),
+        "environment.exr": _bytes(lambda: exr(r.light.rasterize())),
+        **_obj(job),
+        **_exrs(job),
+    }
+
+
+def _usd(job: Job) -> Writers:
+    from .usd import usda
+
+    return {
+        "face.usda": _bytes(lambda: usda(job.atlas, job.directx)),
+        **atlas_pngs(job.atlas, job.directx),
+    }
+
+
+#: By name: what writes the format's files.
+FORMATS: dict[str, Callable[[Job], Writers]] = {
+    "glb": _glb,
+    "obj": _obj,
+    "ply": _ply,
+    "mitsuba": _mitsuba,
+    "blender": _blender,
+    "usd": _usd,
+}

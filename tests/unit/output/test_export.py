@@ -1,0 +1,176 @@
+"""`unlit export`: the files it promises, in a folder of its own."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from small_head import CENTRE, save_quickly, small_head
+from unlit.cli import EXPORTS, main
+from unlit.color import encode_srgb
+from unlit.errors import OutputError, SettingsError
+from unlit.output import FORMATS, export, save
+from unlit.reconstruction import Reconstruction
+
+
+@pytest.fixture(scope="module")
+def r() -> Reconstruction:
+    return small_head(64)
+
+
+@pytest.fixture(scope="module")
+def everything(r, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("result")
+    return export(r, folder / "export", folder, EXPORTS, 512)
+
+
+def test_the_folder_holds_what_it_says(everything):
+    """export.toml lists every file; the command's list of formats is the module's."""
+    table = tomllib.loads((everything / "export.toml").read_text())
+    assert {path.name for path in everything.iterdir()} == set(table["files"])
+    assert all(path.stat().st_size for path in everything.iterdir())
+    assert table["source"] == ".."
+    assert (*EXPORTS, "usd") == tuple(FORMATS)
+
+
+def test_obj_with_materials(r, everything):
+    """trimesh finds texture and parts through the MTL, in centimetres of the world frame."""
+    trimesh = pytest.importorskip("trimesh")
+    scene = trimesh.load(everything / "mesh.obj", split_object=False, group_material=True)
+    parts = {g.visual.material.name: g for g in scene.geometry.values()}
+    assert set(parts) == {"skin", "eyes"}
+    assert parts["skin"].visual.material.image.size == (512, 512)
+    vertices = np.concatenate([part.vertices for part in parts.values()])
+    np.testing.assert_allclose(vertices.min(axis=0), r.vertices.min(axis=0), atol=1e-4)
+    # The texture is the right way up: the skin at the front has the colour of the photo there.
+    skin = parts["skin"]
+    colours = np.asarray(skin.visual.material.image.convert("RGB")) / 255
+    front = np.linalg.norm(skin.vertices - CENTRE - (0, -6, 7), axis=1).argmin()
+    u, v = skin.visual.uv[front]
+    x, y = r.camera.project(skin.vertices[front])
+    seen = encode_srgb(r.diffuse_albedo[int(y), int(x)])
+    np.testing.assert_allclose(colours[int((1 - v) * 512), int(u * 512)], seen, atol=0.03)
+
+
+def test_directx_turns_green_upside_down(r, tmp_path):
+    """Only the green of the PNG normals changes."""
+    for flag in (False, True):
+        export(r, tmp_path / str(flag), tmp_path, ["obj"], 512, flag)
+    name = "atlas_specular_normal.png"
+    plain, turned = (np.asarray(Image.open(tmp_path / str(flag) / name)) for flag in (False, True))
+    np.testing.assert_allclose(turned[..., 1], 255.0 - plain[..., 1], atol=1)
+    np.testing.assert_array_equal(turned[..., ::2], plain[..., ::2])
+    assert np.ptp(plain[..., 1]) > 5
+
+
+def test_it_is_replaced_but_nothing_else_is(r, tmp_path):
+    """A second export replaces the first; somebody else's files are refused."""
+    for _ in range(2):
+        export(r, tmp_path / "mine", tmp_path, ["ply"], 512)
+    (tmp_path / "theirs").mkdir()
+    (tmp_path / "theirs" / "mesh.ply").write_text("theirs")
+    with pytest.raises(OutputError, match=r"theirs: holds mesh\.ply"):
+        export(r, tmp_path / "theirs", tmp_path, ["ply"], 512)
+    assert (tmp_path / "theirs" / "mesh.ply").read_text() == "theirs"
+
+
+@pytest.mark.parametrize(
+    ("formats", "size", "named"),
+    [(["fbx", "glb"], 512, "fbx: choose from glb"), ([], 512, "no format"), (["glb"], 64, "64")],
+)
+def test_wrong_wishes(r, tmp_path, formats, size, named):
+    """One line that says what there is to choose from."""
+    with pytest.raises(SettingsError, match=named):
+        export(r, tmp_path / "out", tmp_path, formats, size)
+    assert not (tmp_path / "out").exists()
+
+
+def test_command(r, tmp_path, capsys):
+    """`unlit export DIR` writes into DIR/export and prints its path; wrong wishes are code 2."""
+    with pytest.MonkeyPatch.context() as patch:
+        save_quickly(patch)
+        save(r, tmp_path / "result")
+    source = str(tmp_path / "result")
+    assert main(["export", source, "--format", "ply", "--size", "512"]) == 0
+    said = capsys.readouterr()
+    assert said.out.strip() == str(tmp_path / "result" / "export")
+    assert said.err.strip() == "baking the atlas"
+    assert (tmp_path / "result" / "export" / "mesh.ply").is_file()
+    assert main(["export", source, "--format", "fbx"]) == 2
+    assert "fbx: choose from glb" in capsys.readouterr().err
+    # Into the result itself: its own mesh.ply is not an export's, and stays.
+    assert main(["export", source, "-o", source, "--format", "ply", "--size", "512"]) == 1
+    assert "not a whole export" in capsys.readouterr().err
+
+
+def test_usd(r, tmp_path):
+    """Read back by Pixar's own library: metres, y up, textures bound to every face."""
+    pytest.importorskip("pxr")
+    from pxr import Usd, UsdGeom, UsdShade
+
+    folder = export(r, tmp_path / "usd", tmp_path, ["usd"], 512)
+    stage = Usd.Stage.Open(str(folder / "face.usda"))
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 1
+    assert UsdGeom.GetStageUpAxis(stage) == "Y"
+    face = UsdGeom.Mesh(stage.GetPrimAtPath("/head/face"))
+    points = np.array(face.GetPointsAttr().Get())
+    assert np.ptp(points[:, 1]) == pytest.approx(np.ptp(r.vertices[:, 1]) / 100, rel=1e-4)
+    assert len(face.GetFaceVertexCountsAttr().Get()) == len(r.triangles)
+    material, _ = UsdShade.MaterialBindingAPI(face.GetPrim()).ComputeBoundMaterial()
+    surface = material.ComputeSurfaceSource()[0]
+    for name in ("diffuseColor", "roughness", "normal"):
+        texture = surface.GetInput(name).GetConnectedSource()[0].GetPrim()
+        file = UsdShade.Shader(texture).GetInput("file").Get().path
+        assert (folder / file).is_file()
+    assert {s.GetPrim().GetName() for s in UsdGeom.Subset.GetAllGeomSubsets(face)} == {
+        "skin",
+        "eyes",
+    }
+
+
+def test_the_blender_script_names_files_that_are_there(everything):
+    """Without Blender: it compiles, and what it reads is written."""
+    text = (everything / "blender.py").read_text()
+    compile(text, "blender.py", "exec")
+    files = set(re.findall(r'"(\w+\.(?:exr|obj|json))"', text))
+    assert len(files) == 8
+    assert all((everything / file).is_file() for file in files)
+    assert json.loads((everything / "blender.json").read_text())["size"] == [64, 64]
+
+
+def test_blender_renders_the_same_face(r, everything):
+    """In Blender's Cycles: 30 dB of our path tracer. Needs `blender` or the package bpy.
+
+    The variable UNLIT_TEST_BLENDER may name a blender, or a Python that has bpy.
+    """
+    from unlit._runtime import mitsuba
+    from unlit.render.reference import path_trace
+    from unlit.scene.maps import Maps
+    from unlit.scene.mesh import Mesh
+
+    program = os.environ.get("UNLIT_TEST_BLENDER") or shutil.which("blender")
+    if program is None:
+        if find_spec("bpy") is None:
+            pytest.skip("no Blender: install it, or the package bpy")
+        program = sys.executable
+    out = everything.parent / "blender.exr"
+    script = ["blender.py", "--", str(out)]
+    if Path(program).name.startswith("blender"):
+        script = ["--background", "--python", *script]
+    subprocess.run([program, *script], cwd=everything, check=True, capture_output=True, timeout=600)
+    theirs = np.array(mitsuba().Bitmap(str(out)))[..., :3].astype(np.float32)
+    maps = Maps(r.diffuse_albedo, r.specular_albedo, r.roughness, r.perturbation)
+    light = r.light.rasterize()
+    ours = path_trace(Mesh(r.vertices, r.triangles), r.camera, maps, light, 128, bounces=3)
+    inside = r.mask > 0
+    error = encode_srgb(np.clip(ours, 0, 1)) - encode_srgb(np.clip(theirs, 0, 1))
+    assert -10 * np.log10((error[inside] ** 2).mean()) > 30
