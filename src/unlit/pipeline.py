@@ -16,8 +16,9 @@ from threadpoolctl import threadpool_limits
 
 from ._runtime import mitsuba
 from .errors import FaceError
-from .head.fit import fit_head
+from .head.fit import LandmarkProblem
 from .head.model import HeadModel, default_model
+from .optimize.photometric import photometric_fit
 from .optimize.problem import Estimate, Evidence, Problem, Progress, Shading
 from .optimize.schedule import PRESETS, Settings, as_dict
 from .optimize.stages import run_stages, start
@@ -133,9 +134,13 @@ def observe(
 
 
 def fitted_head(capture: Capture, model: HeadModel) -> Head:
-    """`model` fitted to the capture's landmarks. Raises FaceError."""
+    """`model` fitted to the capture's landmarks, then to its shading. Raises FaceError."""
     closed = bool(capture.regions.mouth.max() < 0.5)
-    fit = fit_head(model, capture.landmarks, capture.camera, mouth_closed=closed)
+    problem = LandmarkProblem(model, capture.landmarks, capture.camera)
+    with threadpool_limits(1, user_api="blas"):
+        fit = photometric_fit(
+            problem, problem.solve(closed), capture.image, capture.regions, mouth_closed=closed
+        )
     return Head(
         fit.vertices,
         model.triangles,

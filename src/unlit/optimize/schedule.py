@@ -89,10 +89,10 @@ class Settings:
     #: albedo maps trust a pixel by E / (E + shading_error): what is seen in the shadows says
     #: little about albedo.
     shading_error: float = 0.2
-    #: Factors on Table 1's weights of smoothness and of the normal perturbation: how the paper
-    #: normalises these terms is not given.
-    diffuse_smoothness_scale: float = 3.0
-    specular_smoothness_scale: float = 1.0
+    #: Factors on Table 1's weights of smoothness (at 512 pixels; in proportion at others) and of
+    #: the normal perturbation: how the paper normalises these terms is not given.
+    diffuse_smoothness_scale: float = 6.0
+    specular_smoothness_scale: float = 2.0
     normal_scale: float = 30.0
 
     #: Pixels, evenly spread, from which the light's gradient is taken.

@@ -132,12 +132,16 @@ class _Run:
 
 
 def _smoothness(stage: Stage, problem: Problem, log_diffuse: Any, log_specular: Any) -> Any:
-    """Smoothness of both albedo maps per texel (section 3.2)."""
-    scales = problem.settings
+    """Smoothness of both albedo maps per texel (section 3.2), the same at every resolution."""
+    settings = problem.settings
+    # The difference of neighbours falls as 1 / resolution.
+    unit = dr.opaque(mi.Float, problem.camera.width / 512)
     seen = encode(dr.exp(log_diffuse))
     diffuse = stage.diffuse_smoothness * total_variation(seen, problem.neighbours)
     specular = stage.specular_smoothness * total_variation(log_specular, problem.neighbours)
-    return scales.diffuse_smoothness_scale * diffuse + scales.specular_smoothness_scale * specular
+    diffuse *= settings.diffuse_smoothness_scale
+    specular *= settings.specular_smoothness_scale
+    return unit * (diffuse + specular)
 
 
 def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:

@@ -184,7 +184,9 @@ def linearize(
     return result
 
 
-def _rows(points: Points, directions: Directions, bits: Any) -> tuple[np.ndarray, np.ndarray]:
+def transport_rows(
+    points: Points, directions: Directions, bits: Any
+) -> tuple[np.ndarray, np.ndarray]:
     """Exact transport rows (P, D), float32: diffuse and specular."""
     count, width = (dr.opaque(mi.UInt32, len(a)) for a in (directions, points))
     index = dr.arange(mi.UInt32, len(points) * len(directions))
@@ -242,7 +244,7 @@ class Transport:
     """
 
     def __init__(self, points: Points, directions: Directions, bits: Any) -> None:
-        self._products = [Product(rows) for rows in _rows(points, directions, bits)]
+        self._products = [Product(rows) for rows in transport_rows(points, directions, bits)]
 
     def shade(self, radiance: Any) -> tuple[Any, Any]:
         """(E, S), mi.Float of width P, for `radiance` mi.Float of width D; differentiable."""

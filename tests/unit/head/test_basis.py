@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from unlit.head.basis import principal_basis, remove_similarity, vertex_areas
+from unlit.head.basis import principal_combinations, remove_similarity, vertex_areas
 
 
 def test_basis_is_orthogonal_and_keeps_the_covariance():
@@ -12,14 +12,17 @@ def test_basis_is_orthogonal_and_keeps_the_covariance():
     axes[5] = axes[0] + axes[1]  # overlapping axes are what the reduction is for
     deviations = np.array([1, 2, 0.5, 1, 1, 3.0])
     weights = rng.uniform(0.1, 1, 10)
-    basis = principal_basis(axes, deviations, weights, keep=1 - 1e-9)
+    turn = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    covariance = turn * deviations**2 @ turn.T
+    rows = principal_combinations(axes, covariance, weights, keep=1 - 1e-9)
+    basis = np.tensordot(rows, axes, axes=1)
     assert len(basis) == 5
     gram = np.einsum("ivx,v,jvx->ij", basis, weights, basis)
     size = np.diag(gram)
     assert np.abs(gram - np.diag(size)).max() < 1e-5 * size[0]
     assert (np.diff(size) <= 0).all()
-    flat, scaled = basis.reshape(5, -1), (axes * deviations[:, None, None]).reshape(6, -1)
-    np.testing.assert_allclose(flat.T @ flat, scaled.T @ scaled, atol=1e-3)
+    flat, given = basis.reshape(5, -1), axes.reshape(6, -1)
+    np.testing.assert_allclose(flat.T @ flat, given.T @ covariance @ given, atol=1e-3)
 
 
 def test_similarity_is_removed():

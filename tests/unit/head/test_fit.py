@@ -42,11 +42,11 @@ def test_known_pose_comes_back(head, angles):
 
 
 def test_identity_and_expression_help(head):
-    """For another person with an open mouth the fit beats the mean head's residual threefold."""
+    """Trusting exact landmarks, the fit beats the mean head's residual threefold for a stranger."""
     rng = np.random.default_rng(3)
     identity = np.clip(rng.normal(size=len(head.identity)), -1.5, 1.5)
     landmarks, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]), identity, {"jawOpen": 0.5})
-    fit = fit_head(head, landmarks, CAMERA)
+    fit = fit_head(head, landmarks, CAMERA, FitSettings(deviation=8))
     mean = fit_head(head, landmarks, CAMERA, FitSettings(deviation=1e6, gap_deviation=1e6))
     assert fit.landmark_residual < mean.landmark_residual / 3
     assert (fit.expression >= 0).all() and (fit.expression <= 1).all()

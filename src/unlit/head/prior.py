@@ -1,0 +1,210 @@
+"""Which of MakeHuman's shapes faces take: mean and covariance, learnt from another head model.
+
+MakeHuman's targets are an artist's and say nothing about how common a shape is. ICT-FaceKit (USC
+ICT Vision and Graphics Lab, MIT licence) is a statistical model made from scans. `main` draws
+random identities from it, fits MakeHuman's axes to each of their surfaces, and keeps mean and
+covariance of the coefficients: some thousand numbers, no shape of ICT-FaceKit's. The fit is
+Gaussian, so its posterior covariance enters too: what a surface does not tell about an axis
+stays as uncertain as the artist's standard deviation makes it.
+
+    python -m unlit.head.prior ICT.npz        writes makehuman_prior.npz beside this module
+
+ICT.npz holds the model's `neutral` (V, 3) cm, `identity` (100, V, 3) of one standard deviation
+each, `triangles` (F, 3) and `landmarks_multipie68` (68,) vertices, as in its public OBJ files.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
+
+from .model import VERTEX_REGIONS, HeadModel
+
+_FILE = "makehuman_prior.npz"
+
+# Points that both models name: of ICT's 68, of the landmarker's 478.
+_COMMON = ((36, 33), (39, 133), (42, 362), (45, 263), (27, 168), (30, 4), (33, 2), (51, 0))
+_COMMON += ((48, 61), (54, 291), (57, 17), (8, 152))
+# The part of ICT's mesh that is skin: face, head and neck.
+_ICT_SKIN = 11_248
+_IDENTITIES = 100
+_POINTS = 3000
+# Standard deviations, cm: off the surface, along it, and of a common point; the surface counts as
+# so many independent measurements, because neighbours err together.
+_OFF, _ALONG, _COMMON_DEVIATION = 0.05, 0.5, 0.25
+_INDEPENDENT = 400
+_ITERATIONS = 6
+# Share of the hand-set covariance that is kept: ICT's people are not all people.
+_ARTIST = 0.2
+
+
+@dataclass(frozen=True)
+class Prior:
+    """A Gaussian over the J axes of MakeHuman's identity, each in its own standard deviations.
+
+    mean: (J,). combinations: (I, J): row i is one standard deviation along component i; the
+    components are independent and the largest comes first. float32.
+    """
+
+    mean: np.ndarray
+    combinations: np.ndarray
+
+
+def shipped_prior() -> Prior:
+    """The prior that comes with the package; `main` makes it."""
+    file = resources.files("unlit.head").joinpath(_FILE)
+    with file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+        return Prior(arrays["mean"], arrays["combinations"])
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """A head to be fitted: points (N, 3), their unit normals, common points; any frame, cm."""
+
+    points: np.ndarray
+    normals: np.ndarray
+    common: np.ndarray
+
+    def moved(self, scale: float, rotation: np.ndarray, shift: np.ndarray) -> _Surface:
+        """The surface seen from a frame that lies in this one at scale, rotation and shift."""
+        return _Surface(
+            (self.points - shift) @ rotation / scale,
+            self.normals @ rotation,
+            (self.common - shift) @ rotation / scale,
+        )
+
+
+class _Fitter:
+    """Fits a model's identity to surfaces; weights: (V,) of its vertices, 0 where not fitted."""
+
+    def __init__(self, model: HeadModel, weights: np.ndarray) -> None:
+        skin = np.isin(
+            model.vertex_region, [VERTEX_REGIONS.index(n) for n in ("skin", "lips", "eyebrows")]
+        )
+        skin |= model.vertex_region == VERTEX_REGIONS.index("scalp")
+        chosen = np.random.default_rng(0).permutation(np.flatnonzero(skin))[:_POINTS]
+        weight = weights[chosen] / weights[chosen].mean()
+        self.weight = weight * _INDEPENDENT / len(chosen)
+        self.neutral = model.neutral[chosen].astype(np.float64)
+        self.basis = model.identity[:, chosen].astype(np.float64)
+        common = [landmark for _, landmark in _COMMON]
+        self.common = model.landmarks(model.neutral)[common].astype(np.float64)
+        self.common_basis = np.stack([model.landmarks(axis)[common] for axis in model.identity])
+
+    def fit(self, surface: _Surface) -> tuple[np.ndarray, np.ndarray]:
+        """Coefficients (I,) and their posterior covariance (I, I) under the prior N(0, 1)."""
+        count = len(self.basis)
+        surface = surface.moved(*_procrustes(self.common, surface.common))
+        coefficients = np.zeros(count)
+        matrix = np.eye(count)
+        for iteration in range(_ITERATIONS):
+            points = self.neutral + np.tensordot(coefficients, self.basis, axes=1)
+            common = self.common + np.tensordot(coefficients, self.common_basis, axes=1)
+            distance, nearest = KDTree(surface.points).query(points)
+            normal = surface.normals[nearest]
+            arm = points - surface.points[nearest]
+            off = np.sum(arm * normal, axis=1)
+            deviation = max(_OFF, 0.2 / (iteration + 1))
+            near = distance < (1.0 if iteration < 2 else 0.5)
+            huber = np.minimum(1, 3 * deviation / np.maximum(np.abs(off), 1e-9))
+            moves = _motions(points, self.basis)  # (N, 3, 7 + I)
+            rows = np.einsum("nx,nxk->nk", normal, moves)
+            matrix, gradient = _normal_equations(
+                rows, off, self.weight * near * huber / deviation**2
+            )
+            along = (moves - normal[:, :, None] * rows[:, None]).reshape(-1, rows.shape[1])
+            slip = (arm - off[:, None] * normal).ravel()
+            more = _normal_equations(along, slip, np.repeat(self.weight * near / _ALONG**2, 3))
+            matrix, gradient = matrix + more[0], gradient + more[1]
+            rows = _motions(common, self.common_basis).reshape(-1, rows.shape[1])
+            error = (common - surface.common).ravel()
+            more = _normal_equations(rows, error, np.full(len(rows), _COMMON_DEVIATION**-2))
+            matrix, gradient = matrix + more[0], gradient + more[1]
+            matrix[7:, 7:] += np.eye(count)
+            gradient[7:] += coefficients
+            step = -np.linalg.solve(matrix, gradient)
+            coefficients = coefficients + step[7:]
+            turn = Rotation.from_rotvec(step[3:6]).as_matrix()
+            surface = surface.moved(1 + step[6], turn, step[:3])
+        return coefficients, np.linalg.inv(matrix)[7:, 7:]
+
+
+def _motions(points: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """Derivatives (N, 3, 7 + I) of points (N, 3): shift, turn, growth, then the basis (I, N, 3)."""
+    shift = np.broadcast_to(np.eye(3), (len(points), 3, 3))
+    turn = np.stack([np.cross(axis, points) for axis in np.eye(3)], axis=-1)
+    return np.concatenate([shift, turn, points[..., None], basis.transpose(1, 2, 0)], axis=2)
+
+
+def _normal_equations(
+    rows: np.ndarray, error: np.ndarray, weight: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    return (rows * weight[:, None]).T @ rows, rows.T @ (weight * error)
+
+
+def _procrustes(source: np.ndarray, goal: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Scale, rotation and shift that bring points `source` (N, 3) nearest to `goal`."""
+    a, b = source - source.mean(axis=0), goal - goal.mean(axis=0)
+    u, sizes, vt = np.linalg.svd(b.T @ a)
+    flip = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
+    rotation = (u * flip) @ vt
+    scale = float(sizes @ flip / np.sum(a**2))
+    return scale, rotation, goal.mean(axis=0) - scale * rotation @ source.mean(axis=0)
+
+
+def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (I,) and covariance (I, I) of the identity of `model` over random ICT identities."""
+    with np.load(ict, allow_pickle=False) as arrays:
+        neutral = arrays["neutral"].astype(np.float64)
+        identity = arrays["identity"].astype(np.float32)
+        triangles = arrays["triangles"].astype(int)
+        corners = arrays["landmarks_multipie68"].astype(int)[[ours for ours, _ in _COMMON]]
+    triangles = triangles[(triangles < _ICT_SKIN).all(axis=1)]
+    fitter = _Fitter(model, weights)
+    rng = np.random.default_rng(1)
+    means, covariances = [], []
+    for _ in range(_IDENTITIES):
+        drawn = rng.standard_normal(len(identity)).astype(np.float32)
+        shape = neutral + np.tensordot(drawn, identity, axes=1)
+        normals = _vertex_normals(shape, triangles)[:_ICT_SKIN]
+        mean, covariance = fitter.fit(_Surface(shape[:_ICT_SKIN], normals, shape[corners]))
+        means.append(mean)
+        covariances.append(covariance)
+    spread = np.cov(np.array(means).T, bias=True) + np.mean(covariances, axis=0)
+    return np.mean(means, axis=0), spread
+
+
+def _vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
+    total = np.zeros_like(vertices)
+    for corner in range(3):
+        np.add.at(total, triangles[:, corner], np.cross(b - a, c - a))
+    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-9)
+
+
+def main(ict: Path) -> None:
+    """Make the prior that is shipped."""
+    from ..assets import asset
+    from .basis import principal_combinations
+    from .makehuman import ASSET, KEEP, build_unlearnt, inner_product_weights
+
+    model, axes, rows = build_unlearnt(asset(ASSET))
+    weights = inner_product_weights(model.neutral, model.triangles, model.vertex_region)
+    mean, covariance = learn(model, weights, ict)
+    covariance = (1 - _ARTIST) * covariance + _ARTIST * np.eye(len(covariance))
+    learnt = principal_combinations(axes, rows.T @ covariance @ rows, weights, KEEP)
+    np.savez_compressed(
+        Path(__file__).with_name(_FILE),
+        mean=(mean @ rows).astype(np.float32),
+        combinations=learnt.astype(np.float32),
+    )
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
