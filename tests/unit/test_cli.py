@@ -17,7 +17,7 @@ from unlit import cli
 from unlit.errors import FaceError, ModelError
 from unlit.optimize import schedule
 
-COMMANDS = ("reconstruct", "demo", "montage", "models", "doctor")
+COMMANDS = ("reconstruct", "demo", "evaluate", "montage", "models", "doctor")
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def pipeline(monkeypatch):
     fake.run = lambda options: None
     monkeypatch.setitem(sys.modules, "unlit.pipeline", fake)
     monkeypatch.setattr(unlit, "pipeline", fake, raising=False)
-    monkeypatch.setattr(cli, "_fetch_models", lambda: None)
+    monkeypatch.setattr(cli, "_fetch_models", lambda *commands: None)
     return fake
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -15,6 +16,7 @@ from ..scene.brdf import ROUGHNESS
 from ..scene.camera import Camera
 from ..scene.maps import Maps
 from ..scene.mesh import Mesh, surface
+from .truth import Truth
 
 mi = mitsuba()
 
@@ -47,6 +49,18 @@ class Subject:
         return path_trace(
             mesh, self.camera, self.maps, environment, samples=samples, bounces=3, seed=seed
         )
+
+    def mesh(self) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices and triangles."""
+        return self.vertices, self.triangles
+
+    @cached_property
+    def truth(self) -> Truth:
+        """What the camera sees; `seen` is the face's mask."""
+        position, normal = visible_surface(self.vertices, self.triangles, self.camera)
+        bent = normal + self.maps.perturbation * (normal != 0).any(axis=-1, keepdims=True)
+        bent /= np.maximum(np.linalg.norm(bent, axis=-1, keepdims=True), 1e-6)
+        return Truth(self.maps.diffuse_albedo, self.maps.specular_albedo, bent, position, self.mask)
 
 
 @dataclass(frozen=True)
@@ -155,9 +169,19 @@ def _iris(eyes: np.ndarray, unit: float) -> list[np.ndarray]:
 
 def visible_normals(vertices: np.ndarray, triangles: np.ndarray, camera: Camera) -> np.ndarray:
     """Smooth mesh normals (H, W, 3), world frame, as the camera sees them; 0 beside the mesh."""
+    return visible_surface(vertices, triangles, camera)[1]
+
+
+def visible_surface(
+    vertices: np.ndarray, triangles: np.ndarray, camera: Camera
+) -> tuple[np.ndarray, np.ndarray]:
+    """Position, cm, and smooth normal, (H, W, 3) each, that the camera sees; 0 beside the mesh."""
     mesh = Mesh(vertices, triangles)
     hits = mesh.camera_hits(camera)
-    _, normal, _ = surface(camera, hits, mesh.vertices, mesh.normals, mesh.triangles)
-    out = np.zeros((camera.height * camera.width, 3), dtype=np.float32)
-    out[hits.pixel.numpy()] = normal.numpy().T
-    return out.reshape(camera.height, camera.width, 3)
+    seen = surface(camera, hits, mesh.vertices, mesh.normals, mesh.triangles)[:2]
+    images = []
+    for values in seen:
+        image = np.zeros((camera.height * camera.width, 3), dtype=np.float32)
+        image[hits.pixel.numpy()] = values.numpy().T
+        images.append(image.reshape(camera.height, camera.width, 3))
+    return images[0], images[1]

@@ -171,14 +171,20 @@ def path_trace(
     parameters["vertex_positions"] = dr.ravel(mesh.vertices)
     parameters["vertex_normals"] = dr.ravel(mesh.normals)
     parameters.update()
-    scene = mi.load_dict(
-        {
-            "type": "scene",
-            "face": body,
-            "light": {"type": "envmap", "bitmap": mitsuba_environment(environment)},
-            **(others or {}),
-        }
-    )
+    return trace({"face": body, **(others or {})}, camera, environment, samples, bounces, seed)
+
+
+def trace(
+    objects: dict[str, Any],
+    camera: Camera,
+    environment: np.ndarray,
+    samples: int,
+    bounces: int,
+    seed: int,
+) -> np.ndarray:
+    """Render `objects` (of a Mitsuba scene dictionary) as `path_trace` does the face."""
+    light = {"type": "envmap", "bitmap": mitsuba_environment(environment)}
+    scene = mi.load_dict({"type": "scene", "light": light, **objects})
     integrator = mi.load_dict(
         {"type": "path", "max_depth": bounces + 2, "hide_emitters": True, "rr_depth": 1000}
     )
@@ -186,8 +192,12 @@ def path_trace(
     # Passes bound the wavefront's memory and let a progress display breathe.
     passes = max(1, samples * camera.width * camera.height // 2**23)
     for k in range(passes):
-        sensor = mi.load_dict(camera.mitsuba_sensor(-(-samples // passes)))
-        image = mi.render(scene, sensor=sensor, integrator=integrator, seed=seed * 1000 + k)
+        view = camera.mitsuba_sensor(-(-samples // passes))
+        # A quarter of the variance of independent samples under an even light.
+        view["sampler"]["type"] = "multijitter"
+        image = mi.render(
+            scene, sensor=mi.load_dict(view), integrator=integrator, seed=seed * 1000 + k
+        )
         total += image.numpy()[..., :3]
     return (total / passes).astype(np.float32)
 

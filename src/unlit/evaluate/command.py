@@ -1,0 +1,212 @@
+"""What `unlit evaluate` does: reads, runs the protocol, writes tables and pictures."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from ..console import RunConsole
+from ..errors import FaceError, SubjectError
+from ..optimize.schedule import Settings, as_dict
+from ..output import write_one
+from ..output.images import png
+from ..photo import Photo, read_photo
+from ..pipeline import reconstruct
+from ..reconstruction import Reconstruction
+from ..scene.light import disc, flash, uniform
+from .figure import check_sheet, result_sheet
+from .metrics import check_packages
+from .persons import consistency
+from .pictures import read_picture
+from .protocol import Light, Row, Study
+from .store import RECONSTRUCTION, Store, code, key
+from .subject_file import files_of, read_subject
+from .table import Table, markdown, page, tables
+
+#: Lights that have a name. `side` stands 60 degrees to the picture's right, a little above.
+LIGHTS: dict[str, Callable[[], np.ndarray]] = {
+    "flash": flash,
+    "uniform": uniform,
+    "side": lambda: disc((np.sin(np.pi / 3), 0.2, np.cos(np.pi / 3))),
+}
+_STAGES = (1, 2, 3, 4, 5)
+_CACHE = "steps"
+
+
+def light(name: str) -> Light:
+    """A light of LIGHTS, or a photographed one from an .hdr or .exr file. Raises SubjectError."""
+    if name in LIGHTS:
+        return Light(name, LIGHTS[name]())
+    path = Path(name)
+    if path.suffix.lower() not in (".hdr", ".exr"):
+        known = ", ".join(LIGHTS)
+        raise SubjectError(f"{name}: no such light; give {known}, or an .hdr or .exr file")
+    return Light(path.stem, np.maximum(read_picture(path), 0))
+
+
+class Teller:
+    """Says on standard error what is being done; one line a step."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.console = Console(stderr=True, highlight=False, soft_wrap=True)
+        plain = as_dict(settings)
+        self.stages = {k: v["iterations"] for k, v in plain.items() if isinstance(v, dict)}
+        self.start = time.monotonic()
+
+    def say(self, text: str) -> None:
+        minutes, seconds = divmod(round(time.monotonic() - self.start), 60)
+        self.console.print(f"{minutes}:{seconds:02d}  {text}", markup=False)
+
+    def busy(self, name: str) -> AbstractContextManager[Any]:
+        """While a step without a progress of its own is done."""
+        self.say(name)
+        return self.console.status(name) if self.console.is_terminal else nullcontext()
+
+    def running(self, name: str) -> RunConsole:
+        """While a face is reconstructed."""
+        self.say(name)
+        return RunConsole(self.stages, self.console)
+
+
+def run_check(file: Path, folder: Path, settings: Settings) -> Path:
+    """Render the subject under three lights; returns the picture's path."""
+    teller = Teller(settings)
+    study = _study(file, folder, settings, ("flash", "uniform", "side"), 64, False, teller)
+    path = folder / "check.png"
+    write_one(path, png(check_sheet(study.subject, study.shots())))
+    return path
+
+
+def run_subject(
+    file: Path,
+    folder: Path,
+    settings: Settings,
+    lights: Sequence[str],
+    samples: int,
+    ablation: bool,
+    true_mesh: bool,
+) -> Path:
+    """The whole protocol; returns the path of the Markdown tables."""
+    check_packages()
+    teller = Teller(settings)
+    study = _study(file, folder, settings, lights, samples, true_mesh, teller)
+    shots = study.shots()
+    rows = list(study.rows(shots))
+    if ablation:
+        for stage in _STAGES:
+            rows += study.rows(shots, ("flash", "uniform"), stage)
+    result = {
+        "subject": study.subject.name,
+        "unlit": version("unlit"),
+        "samples": samples,
+        "true_mesh": true_mesh,
+        "settings": as_dict(settings),
+        "rows": [plain(row) for row in rows],
+    }
+    facts = [
+        f"unlit {version('unlit')}, {settings.resolution} x {settings.resolution} pixels, "
+        f"{samples} samples a pixel, iterations "
+        + " + ".join(str(stage.iterations) for stage in settings.stages()),
+        "the subject's own mesh was given" if true_mesh else "mesh fitted as from any photo",
+    ]
+    write_one(folder / "figure.png", png(result_sheet(study.subject, rows)))
+    return _write(folder, study.subject.name, facts, tables(result), result, ["figure.png"])
+
+
+def run_persons(paths: Sequence[Path], folder: Path, settings: Settings, face: str | int) -> Path:
+    """One person on several photos; returns the path of the Markdown table."""
+    if len(paths) < 2:
+        raise FaceError("--same-person needs two photos or more")
+    teller = Teller(settings)
+    photos = [read_photo(path) for path in paths]
+    store = Store(folder / _CACHE, teller.busy)
+    faces = [_person(photo, store, settings, face, teller) for photo in photos]
+    result = consistency(faces)
+    body = [
+        (*pair["photos"], f"{pair['albedo_psnr']:.1f}", f"{pair['photo_psnr']:.1f}")
+        for pair in result["pairs"]
+    ]
+    body.append(("mean", "", f"{result['albedo_psnr']:.1f}", f"{result['photo_psnr']:.1f}"))
+    table = Table(
+        "How much alike (PSNR, dB, sRGB, one gain per channel)",
+        ("photo", "and", "their albedos", "the photos themselves"),
+        tuple(body),
+    )
+    facts = [f"{result['points']} points of the face that every photo shows"]
+    return _write(folder, "One person, several lights", facts, [table], result, [])
+
+
+def _person(
+    photo: Photo, store: Store, settings: Settings, face: str | int, teller: Teller
+) -> Reconstruction:
+    name = Path(photo.source).stem
+    made = key(photo.pixels, photo.focal, str(face), as_dict(settings), code(RECONSTRUCTION))
+
+    def make() -> Reconstruction:
+        with teller.running(name) as progress:
+            return reconstruct(photo, settings=settings, face=face, progress=progress)
+
+    return store.reconstruction(name, made, make)
+
+
+def _study(
+    file: Path,
+    folder: Path,
+    settings: Settings,
+    lights: Sequence[str],
+    samples: int,
+    true_mesh: bool,
+    teller: Teller,
+) -> Study:
+    known = tuple(light(name) for name in lights)
+    content = key(settings.resolution, *(path.read_bytes() for path in files_of(file)))
+    with teller.busy("reading the subject"):
+        subject = read_subject(file, settings.resolution)
+    store = Store(folder / _CACHE, teller.busy)
+    return Study(
+        subject,
+        content,
+        known,
+        settings,
+        store,
+        samples,
+        settings.seed,
+        true_mesh,
+        teller.running,
+    )
+
+
+def plain(row: Row) -> dict[str, Any]:
+    """The figures of a row, without its pictures."""
+    return {
+        "input": row.light,
+        "variant": row.variant,
+        "relit": [{"light": cell.light, "metrics": cell.metrics} for cell in row.relit],
+        "maps": row.maps,
+        "seconds": row.face.metrics["seconds"],
+    }
+
+
+def _write(
+    folder: Path,
+    title: str,
+    facts: list[str],
+    found: list[Table],
+    result: dict[str, Any],
+    pictures: list[str],
+) -> Path:
+    text = markdown(title, facts, found)
+    write_one(folder / "evaluation.json", json.dumps(result, indent=1).encode())
+    write_one(folder / "evaluation.html", page(title, facts, found, pictures).encode())
+    write_one(folder / "evaluation.md", text.encode())
+    print(text, file=sys.stdout)
+    return folder / "evaluation.md"

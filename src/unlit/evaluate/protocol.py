@@ -1,0 +1,253 @@
+"""The protocol: photograph a known subject, reconstruct it, relight it, compare (paper, Table 2).
+
+Every light is exposed so that the 99th percentile of the subject's brightest channel is at 0.8,
+as a photographer would; the photo is rounded to 8 bits like any other. The reconstruction sees
+the photo and its focal length, nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..color import encode_srgb
+from ..head.model import default_model
+from ..optimize.problem import Progress
+from ..optimize.schedule import Settings, as_dict
+from ..photo import Photo
+from ..pipeline import Head, fitted_head, observe, solve
+from ..reconstruction import Reconstruction
+from ..render.reference import path_trace
+from ..scene.maps import Maps
+from ..scene.mesh import Mesh
+from .metrics import angle, best_gain, compare, psnr, surface_distance
+from .scan import Scan
+from .store import RECONSTRUCTION, RENDERING, Store, code, key
+from .subject import Subject, visible_surface
+
+_EXPOSED = 0.8
+BOUNCES = 3
+#: Points of each surface that take part in the distance of meshes.
+_POINTS = 20_000
+#: The subject's seed is 2 k, the reconstruction's 2 k + 1: their noise must not agree.
+_RELIT = 1
+
+
+#: Whose truth is known: each has a name, camera, truth, mesh() and photograph().
+Known = Scan | Subject
+
+Running = Callable[[str], AbstractContextManager[Progress]]
+
+
+def _silent_run(name: str) -> AbstractContextManager[Progress]:
+    return nullcontext(lambda *_: None)
+
+
+@dataclass(frozen=True)
+class Light:
+    """A light by name: latitude-longitude map (H, W) or (H, W, 3), in the camera's frame."""
+
+    name: str
+    environment: np.ndarray
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A subject's photograph under a light of the right strength; linear (H, W, 3)."""
+
+    light: Light
+    image: np.ndarray
+
+
+@dataclass(frozen=True)
+class Relit:
+    """One cell of Table 2: what was seen, what should have been, and the metrics."""
+
+    light: str
+    image: np.ndarray
+    truth: np.ndarray
+    metrics: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One input: the photo, its reconstruction, the face under every light, the maps' errors."""
+
+    light: str
+    variant: str
+    photo: np.ndarray
+    face: Reconstruction
+    mask: np.ndarray
+    relit: tuple[Relit, ...]
+    maps: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Study:
+    """What stays the same over an evaluation.
+
+    content: key of the subject. samples: of the path tracer, per pixel. true_mesh: give the
+    reconstruction the subject's own mesh, to tell errors of shape from errors of appearance.
+    running: entered with a reconstruction's name, gives what is told of its progress.
+    """
+
+    subject: Known
+    content: str
+    lights: tuple[Light, ...]
+    settings: Settings
+    store: Store
+    samples: int = 256
+    seed: int = 0
+    true_mesh: bool = False
+    running: Running = _silent_run
+
+    def shots(self) -> tuple[Shot, ...]:
+        """The subject under every light, at the study's resolution."""
+        return tuple(self._shot(light) for light in self.lights)
+
+    def _shot(self, light: Light) -> Shot:
+        image = self.store.picture(
+            f"photo-{light.name}",
+            key(self.content, light.environment, self.samples, self.seed, code(RENDERING)),
+            lambda: self.subject.photograph(light.environment, self.samples, 2 * self.seed),
+        )
+        brightest = image[self.subject.truth.seen].max(axis=-1)
+        gain = _EXPOSED / max(float(np.percentile(brightest, 99)), 1e-9)
+        return Shot(
+            Light(light.name, light.environment * np.float32(gain)), image * np.float32(gain)
+        )
+
+    def rows(
+        self,
+        shots: tuple[Shot, ...],
+        inputs: tuple[str, ...] | None = None,
+        without: int | None = None,
+    ) -> Iterator[Row]:
+        """Reconstruct from each shot named in `inputs` (default all), and relight by all.
+
+        without: number of a stage that is switched off (paper, Table 3).
+        """
+        settings = self.settings
+        variant = "full"
+        if without is not None:
+            stage = f"stage{without}"
+            settings = replace(settings, **{stage: replace(getattr(settings, stage), iterations=0)})
+            variant = f"without stage {without}"
+        for shot in shots:
+            if inputs is None or shot.light.name in inputs:
+                yield self._row(shot, shots, settings, variant)
+
+    def _row(
+        self,
+        shot: Shot,
+        shots: tuple[Shot, ...],
+        settings: Settings,
+        variant: str,
+    ) -> Row:
+        step = self._step(shot, settings, variant)
+        face = self.face(shot, settings, variant)
+        mask = (face.mask > 0.5) & self.subject.truth.seen
+        relit = tuple(self._relit(step, face, mask, other) for other in shots)
+        maps = self.store.values(
+            f"{step[0]}-maps",
+            key(step, self.content, mask, code(("evaluate/metrics.py", "evaluate/protocol.py"))),
+            lambda: map_errors(face, self.subject, mask),
+        )
+        return Row(shot.light.name, variant, shot.image, face, mask, relit, maps)
+
+    def face(
+        self, shot: Shot, settings: Settings | None = None, variant: str = "full"
+    ) -> Reconstruction:
+        """The reconstruction from one shot, with the study's settings unless others are given."""
+        settings = settings or self.settings
+        name, content = self._step(shot, settings, variant)
+        return self.store.reconstruction(
+            name, content, lambda: self._reconstruct(name, _photo(shot), settings)
+        )
+
+    def _step(self, shot: Shot, settings: Settings, variant: str) -> tuple[str, str]:
+        """Name and key of a reconstruction."""
+        name = f"{variant.replace(' ', '-')}-from-{shot.light.name}"
+        camera = self.subject.camera
+        seen = [camera.width, camera.height, camera.focal, camera.cx, camera.cy]
+        made = key(_photo(shot), seen, as_dict(settings), code(RECONSTRUCTION))
+        return (f"true-mesh-{name}", key(made, self.content)) if self.true_mesh else (name, made)
+
+    def _relit(
+        self, step: tuple[str, str], face: Reconstruction, mask: np.ndarray, shot: Shot
+    ) -> Relit:
+        light = shot.light
+        traced = key(step, light.environment, self.samples, self.seed, code(RENDERING))
+        image = self.store.picture(
+            f"{step[0]}-relit-{light.name}",
+            traced,
+            lambda: self._relight(face, light.environment),
+        )
+        metrics = self.store.values(
+            f"{step[0]}-metrics-{light.name}",
+            key(traced, shot.image, mask, code(("evaluate/metrics.py", "evaluate/lpips.py"))),
+            lambda: compare(image, shot.image, mask),
+        )
+        return Relit(light.name, image, shot.image, metrics)
+
+    def _reconstruct(self, name: str, photo: np.ndarray, settings: Settings) -> Reconstruction:
+        source = Photo.of(photo, name)
+        with self.running(name) as progress:
+            capture = observe(source, settings.resolution, "largest", camera=self.subject.camera)
+            head = self._own_head() if self.true_mesh else fitted_head(capture, default_model())
+            return solve(capture, head, settings, progress)
+
+    def _own_head(self) -> Head:
+        vertices, triangles = self.subject.mesh()
+        return Head(
+            vertices.astype(np.float32),
+            triangles.astype(np.int32),
+            np.zeros((1, 2), dtype=np.float32),
+            np.zeros((len(triangles), 3), dtype=np.int32),
+            np.full(478, -1, dtype=np.int32),
+            np.zeros((478, 3), dtype=np.float32),
+        )
+
+    def _relight(self, face: Reconstruction, environment: np.ndarray) -> np.ndarray:
+        maps = Maps(face.diffuse_albedo, face.specular_albedo, face.roughness, face.perturbation)
+        mesh = Mesh(face.vertices, face.triangles)
+        seed = 2 * self.seed + _RELIT
+        return path_trace(mesh, face.camera, maps, environment, self.samples, BOUNCES, seed)
+
+
+def _photo(shot: Shot) -> np.ndarray:
+    """(H, W, 3) uint8 sRGB, as a camera would store it."""
+    return np.rint(255 * np.clip(encode_srgb(shot.image), 0, 1)).astype(np.uint8)
+
+
+def map_errors(face: Reconstruction, subject: Known, mask: np.ndarray) -> dict[str, Any]:
+    """Errors of the maps and the mesh inside `mask`.
+
+    Diffuse albedo: PSNR, sRGB, raw and after one gain. Specular albedo: our median over the true
+    one, and the correlation of the two maps. Normals: mean degrees of the specular normals and of
+    the plain mesh. Mesh: mm to the true surface after a rigid alignment.
+    """
+    truth = subject.truth
+    gain = best_gain(face.diffuse_albedo, truth.diffuse_albedo, mask)
+    points, normals = visible_surface(face.vertices, face.triangles, face.camera)
+    ours, true = face.specular_albedo[mask], truth.specular_albedo[mask]
+    constant = min(ours.std(), true.std()) < 1e-6
+    step = max(1, mask.sum() // _POINTS)
+    distance = surface_distance(
+        points[mask][::step], truth.position[truth.seen], truth.normal[truth.seen]
+    )
+    return {
+        "share_of_crop": float(mask.mean()),
+        "albedo_gain": gain,
+        "albedo_psnr_raw": psnr(face.diffuse_albedo, truth.diffuse_albedo, mask),
+        "albedo_psnr": psnr(face.diffuse_albedo * gain, truth.diffuse_albedo, mask),
+        "specular_level": float(np.median(ours) / max(float(np.median(true)), 1e-6)),
+        "specular_correlation": None if constant else float(np.corrcoef(ours, true)[0, 1]),
+        "normal_degrees": angle(face.specular_normal, truth.normal, mask),
+        "mesh_normal_degrees": angle(normals, truth.normal, mask),
+        "mesh_mm": {name: 10 * value for name, value in distance.items()},
+    }
