@@ -52,6 +52,8 @@ class FitSettings:
         for each of several pairs of points: what two close points share of their error cancels
         in it, so that it says how far mouth and eyes are open better than the points do.
     expression_deviation: scale of the prior that pulls the expression's units to 0.
+    last_deviation: as deviation, for the expression alone, once pose and identity are found: a
+        smile moves the lips by far more than the landmarks are wrong.
     iterations: of Gauss-Newton, after the pose alone has settled.
     closed: the mouth counts as closed, and is closed, below this opening in mouth widths.
     """
@@ -64,6 +66,7 @@ class FitSettings:
     huber: float = 4.0
     gap_deviation: float = 3.0
     expression_deviation: float = 0.3
+    last_deviation: float = 12.0
     iterations: int = 8
     closed: float = 0.04
 
@@ -231,9 +234,30 @@ class LandmarkProblem:
         low[6 + units :], high[6 + units :] = -state.expression, 1 - state.expression
         return precision, current, low, high
 
-    def equations(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Gauss-Newton matrix and gradient of the landmarks' cost in a step's unknowns."""
+    def expressed(self, state: State) -> State:
+        """`state` with the expression, and only that, drawn closer to the landmarks."""
+        first = 6 + len(state.identity)
+        for _ in range(self.settings.iterations):
+            matrix, gradient = self.equations(state, self.settings.last_deviation)
+            prior, current, low, high = self.prior(state)
+            matrix[np.diag_indices(len(matrix))] += prior
+            right = -(gradient + prior * current)
+            move = np.zeros(len(matrix))
+            move[first:] = bounded_solve(
+                matrix[first:, first:], right[first:], low[first:], high[first:]
+            )
+            state = state.moved(move)
+        return state
+
+    def equations(
+        self, state: State, deviation: float | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Gauss-Newton matrix and gradient of the landmarks' cost in a step's unknowns.
+
+        deviation: of one landmark coordinate, pixels at 512; the settings' if not given.
+        """
         settings, camera = self.settings, self.camera
+        deviation = deviation or settings.deviation
         shape = np.concatenate([state.identity, state.expression])
         local = self.neutral + np.tensordot(shape, self.basis, axes=1)
         turned = local @ state.rotation.T
@@ -251,7 +275,7 @@ class LandmarkProblem:
 
         distance = np.linalg.norm(error, axis=-1)
         huber = np.minimum(1, settings.huber * self.pixel / np.maximum(distance, 1e-9))
-        weight = self.weights * huber[:, None] / (settings.deviation * self.pixel) ** 2
+        weight = self.weights * huber[:, None] / (deviation * self.pixel) ** 2
         across = jacobian[self.gaps[:, 0]] - jacobian[self.gaps[:, 1]]
         gap_error = error[self.gaps[:, 0]] - error[self.gaps[:, 1]]
         jacobian = np.einsum("lij,ljk->lik", self.frames, jacobian)
@@ -267,12 +291,13 @@ class LandmarkProblem:
         return matrix, gradient
 
     def fit(self, state: State, mouth_closed: bool) -> HeadFit:
-        """The head at `state`, with lids outside the eyeballs and closed lips sealed.
+        """The head at `state`: expression settled, lids outside the eyeballs, closed lips sealed.
 
         Raises FaceError when it is not in front of the camera.
         """
         if not (np.isfinite(state.translation).all() and state.translation[2] < -5):
             raise FaceError("no head fits the landmarks: use a photo that shows more of the face")
+        state = self.expressed(state)
         shape = self.model.vertices(state.identity, state.expression)
         shape = lids_outside_eyes(self.model, shape)
         if mouth_closed or opening(self.landmarks[:, :2]) < self.settings.closed:

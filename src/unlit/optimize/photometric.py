@@ -83,7 +83,7 @@ class PhotometricSettings:
     light_steps: int = 6
     joint_steps: int = 4
     damping: float = 0.05
-    directed: float = 0.2
+    directed: float = 0.17
 
 
 @dataclass(frozen=True)
