@@ -229,7 +229,7 @@ def albedo_beside_mitsuba(
     Returns (mean relative difference, bias) of the two gradient images in the red channel, after
     a 5 x 5 box filter, inside the face. Direct light: a disc at 60 degrees.
     """
-    from unlit.render.reference import PLUGIN, mitsuba_environment
+    from unlit.render.reference import PLUGIN, mesh_body, mitsuba_environment
 
     environment = disc((0.87, 0.0, 0.5), half_angle=10.0)
     mesh = Mesh(vertices, triangles)
@@ -249,14 +249,7 @@ def albedo_beside_mitsuba(
     tensor = mi.TensorXf(maps.diffuse_albedo)
     dr.enable_grad(tensor)
     texture.set_tensor(tensor)
-    properties = mi.Properties()
-    properties["mesh_bsdf"] = face
-    body = mi.Mesh("face", len(vertices), len(triangles), has_vertex_normals=True, props=properties)
-    parameters = mi.traverse(body)
-    parameters["faces"] = dr.ravel(mesh.triangles)
-    parameters["vertex_positions"] = dr.ravel(mesh.vertices)
-    parameters["vertex_normals"] = dr.ravel(mesh.normals)
-    parameters.update()
+    body = mesh_body("face", face, mesh.vertices, mesh.normals, mesh.triangles)
     scene = mi.load_dict(
         {
             "type": "scene",

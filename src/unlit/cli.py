@@ -169,7 +169,7 @@ def _config(path: Path) -> dict[str, Any]:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError
         raise SettingsError(f"{path}: no valid TOML ({error})") from error
     inner = values.get("settings", values)
     if not isinstance(inner, dict):
@@ -184,16 +184,38 @@ def _evaluate(options: argparse.Namespace) -> int:
     inputs, folder = [Path(name) for name in options.inputs], Path(options.output)
     if not options.same_person and len(inputs) != 1:
         raise SettingsError("evaluate one subject at a time, or photos with --same-person")
-    _fetch_models("reconstruct", "evaluate")
+    _refuse_unused(options)
+    # LPIPS compares relit pictures, which only the whole protocol makes.
+    whole = not (options.same_person or options.check)
+    _fetch_models("reconstruct", *(["evaluate"] if whole else []))
     if options.same_person:
         print(command.run_persons(inputs, folder, settings, options.face))
     elif options.check:
         print(command.run_check(inputs[0], folder, settings))
     else:
-        lights = options.lights.split(",")
-        samples, ablation, own = options.samples, options.ablation, options.true_mesh
+        lights = (options.lights or "flash,uniform").split(",")
+        samples, ablation, own = options.samples or 256, options.ablation, options.true_mesh
         print(command.run_subject(inputs[0], folder, settings, lights, samples, ablation, own))
     return 0
+
+
+def _refuse_unused(options: argparse.Namespace) -> None:
+    """Raise SettingsError for an option that the asked kind of evaluation has no use for."""
+    of_protocol = {
+        "--lights": options.lights is not None,
+        "--samples": options.samples is not None,
+        "--true-mesh": options.true_mesh,
+    }
+    of_photos = {"--face": options.face != "only"}
+    if options.same_person:
+        kind, unused = "--same-person", of_protocol
+    elif options.check:
+        kind, unused = "--check", of_protocol | of_photos
+    else:
+        kind, unused = "a subject", of_photos
+    for name, given in unused.items():
+        if given:
+            raise SettingsError(f"{name} has no use with {kind}; leave it out")
 
 
 def _montage(options: argparse.Namespace) -> int:
@@ -333,12 +355,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     evaluate.add_argument(
         "--lights",
-        default="flash,uniform",
         metavar="LIST",
         help="of flash, uniform, side, and .hdr or .exr files (flash,uniform)",
     )
     evaluate.add_argument(
-        "--samples", type=_samples, default=256, metavar="N", help="of the path tracer, per pixel"
+        "--samples", type=_samples, metavar="N", help="of the path tracer, per pixel (256)"
     )
     evaluate.add_argument(
         "--true-mesh", action="store_true", help="give the reconstruction the subject's own mesh"

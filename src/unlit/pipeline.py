@@ -186,7 +186,7 @@ def solve(
         preview("fit", result(start(problem), None))
         lap.lap("preview")
     # Two pools of threads that both spin while waiting cost 2 to 7 times the time: the cores
-    # belong to Dr.Jit, and BLAS is called from two threads of our own (render/transport.py).
+    # belong to Dr.Jit.
     with threadpool_limits(1, user_api="blas"):
         estimate, shading = run_stages(problem, after)
     progress("finish", 0, 1, 0.0)

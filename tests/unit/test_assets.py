@@ -105,7 +105,7 @@ def test_manifest_is_sound():
         assert name == entry.name
         assert re.fullmatch(r"[0-9a-f]{64}", entry.sha256)
         assert entry.size > 0
-        assert entry.licence in ("Apache-2.0", "CC0-1.0", "BSD-2-Clause")
+        assert entry.licence in ("Apache-2.0", "CC0-1.0", "BSD-2-Clause AND BSD-3-Clause")
         assert entry.licence_url.startswith("https://")
         assert entry.sources
         for source in entry.sources:

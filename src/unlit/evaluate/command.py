@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import sys
 import time
@@ -15,7 +16,7 @@ import numpy as np
 from rich.console import Console
 
 from ..console import RunConsole
-from ..errors import FaceError, SubjectError
+from ..errors import FaceError, SettingsError, SubjectError
 from ..optimize.schedule import Settings, as_dict
 from ..output import write_one
 from ..output.images import png
@@ -39,6 +40,8 @@ LIGHTS: dict[str, Callable[[], np.ndarray]] = {
     "side": lambda: disc((np.sin(np.pi / 3), 0.2, np.cos(np.pi / 3))),
 }
 _STAGES = (1, 2, 3, 4, 5)
+#: The inputs from which a stage is switched off.
+_ABLATION = ("flash", "uniform")
 _CACHE = "steps"
 
 
@@ -97,13 +100,15 @@ def run_subject(
 ) -> Path:
     """The whole protocol; returns the path of the Markdown tables."""
     check_packages()
+    if ablation and not set(lights) & set(_ABLATION):
+        raise SettingsError(f"--ablation needs {' or '.join(_ABLATION)} in --lights")
     teller = Teller(settings)
     study = _study(file, folder, settings, lights, samples, true_mesh, teller)
     shots = study.shots()
     rows = list(study.rows(shots))
     if ablation:
         for stage in _STAGES:
-            rows += study.rows(shots, ("flash", "uniform"), stage)
+            rows += study.rows(shots, _ABLATION, stage)
     result = {
         "subject": study.subject.name,
         "unlit": version("unlit"),
@@ -168,8 +173,13 @@ def _study(
     teller: Teller,
 ) -> Study:
     known = tuple(light(name) for name in lights)
-    content = key(settings.resolution, *(path.read_bytes() for path in files_of(file)))
+    names = [found.name for found in known]
+    for given, name in zip(lights, names, strict=True):
+        if names.count(name) > 1:
+            raise SettingsError(f"--lights: {given}: two lights are called {name!r}; rename one")
+    files = files_of(file)
     with teller.busy("reading the subject"):
+        content = key(settings.resolution, *map(_digest, files))
         subject = read_subject(file, settings.resolution)
     store = Store(folder / _CACHE, teller.busy)
     return Study(
@@ -183,6 +193,15 @@ def _study(
         true_mesh,
         teller.running,
     )
+
+
+def _digest(path: Path) -> str:
+    """Hash of a file of any size."""
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise SubjectError(f"{path}: cannot be read ({error.strerror})") from error
 
 
 def plain(row: Row) -> dict[str, Any]:

@@ -18,6 +18,18 @@ from ..errors import SubjectError
 
 _MAX_BYTES = 1 << 30
 _MAX_ELEMENTS = 20_000_000
+#: What the readers run into when a file does not hold what its format says, or is nested without
+#: end.
+_BROKEN = (
+    ValueError,
+    KeyError,
+    IndexError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+    RecursionError,
+    struct.error,
+)
 
 
 @dataclass(frozen=True)
@@ -49,7 +61,7 @@ def read_mesh(path: Path) -> Surface:
         surface = reader(path.read_bytes())
     except OSError as error:
         raise SubjectError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, KeyError, IndexError, TypeError, struct.error) as error:
+    except _BROKEN as error:
         raise SubjectError(f"{path}: not a whole {path.suffix} mesh ({error})") from error
     return _checked(surface, path)
 
@@ -152,7 +164,10 @@ def _ply(content: bytes) -> Surface:
     vertex = tables["vertex"]
     vertices = np.stack([np.asarray(vertex[axis], dtype=np.float64) for axis in "xyz"], axis=1)
     face = tables["face"]
-    triangles = _fans(face[next(n for n in face if n in ("vertex_indices", "vertex_index"))])
+    corners = face.get("vertex_indices", face.get("vertex_index"))
+    if corners is None:
+        raise ValueError("faces without vertex_indices")
+    triangles = _fans(corners)
     for u, v in _PLY_UV:
         if u in vertex and v in vertex:
             uv = np.stack([np.asarray(vertex[u], float), np.asarray(vertex[v], float)], axis=1)
@@ -173,7 +188,7 @@ def _ply_ascii(body: bytes, elements: list[Any], style: str) -> dict[str, Table]
             for p in properties:
                 if p[0] == "list":
                     size = int(next(words, "-1"))
-                    value: Any = [int(next(words)) for _ in range(size)]
+                    value: Any = [int(next(words, "")) for _ in range(size)]
                 else:
                     value = float(next(words, "nan"))
                 table[p[-1]].append(value)
@@ -230,10 +245,12 @@ def _glb(content: bytes) -> Surface:
         view = document["bufferViews"][accessor["bufferView"]]
         kind = np.dtype(_GLB_TYPES[accessor["componentType"]])
         width, count = _GLB_WIDTH[accessor["type"]], accessor["count"]
-        if not 0 <= count <= _MAX_ELEMENTS:
+        if not 1 <= count <= _MAX_ELEMENTS:
             raise ValueError(f"{count} elements")
         start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
         stride = view.get("byteStride", width * kind.itemsize)
+        if not width * kind.itemsize <= stride <= 252:  # else it would step outside the buffer
+            raise ValueError(f"a stride of {stride} bytes")
         raw = np.frombuffer(
             chunks[1], np.uint8, (count - 1) * stride + width * kind.itemsize, start
         )
@@ -267,18 +284,19 @@ def _glb(content: bytes) -> Surface:
 
 
 def _glb_nodes(document: Any) -> list[tuple[Any, np.ndarray]]:
-    """The nodes that carry a mesh, with their matrices to the file's frame."""
+    """The nodes that carry a mesh, with their matrices to the file's frame: a tree."""
     nodes = document["nodes"]
     children = {child for node in nodes for child in node.get("children", ())}
-    found = []
-    pending = [(k, np.eye(4), 0) for k in range(len(nodes)) if k not in children]
+    found, visited = [], set()
+    pending = [(k, np.eye(4)) for k in range(len(nodes)) if k not in children]
     while pending:
-        index, above, depth = pending.pop(0)
+        index, above = pending.pop()
+        if index in visited:
+            raise ValueError("a node has two parents")
+        visited.add(index)
         node = nodes[index]
         matrix = above @ _glb_matrix(node)
-        if depth > 100:
-            raise ValueError("nodes nested too deep")
-        pending += [(child, matrix, depth + 1) for child in node.get("children", ())]
+        pending += [(child, matrix) for child in node.get("children", ())]
         if "mesh" in node:
             found.append((node, matrix))
     return found

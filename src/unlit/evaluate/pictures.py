@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,9 @@ from ..errors import SubjectError
 #: Larger maps are reduced to this many pixels a side, by area means of linear values.
 LARGEST = 4096
 _MAX_SIDE = 16384
+#: 16384 x 8192, also below what Pillow refuses by itself.
+_MAX_PIXELS = 1 << 27
+_TOO_MANY = "at most 134 million pixels; give a smaller picture"
 _MAX_BYTES = 2 << 30
 
 
@@ -32,9 +36,13 @@ def read_picture(path: Path, encoding: str = "linear") -> np.ndarray:
         width, height = (_floating_size if floating else _integer_size)(path)
         if not (0 < width <= _MAX_SIDE and 0 < height <= _MAX_SIDE):
             raise SubjectError(f"{path}: {width} x {height} pixels; at most {_MAX_SIDE} a side")
+        if width * height > _MAX_PIXELS:
+            raise SubjectError(f"{path}: {width} x {height} pixels; {_TOO_MANY}")
         pixels = _floating(path) if floating else _integer(path)
     except SubjectError:
         raise
+    except Image.DecompressionBombError as error:
+        raise SubjectError(f"{path}: {_TOO_MANY}") from error
     except OSError as error:
         reason = error.strerror or "no PNG, JPEG, TIFF, EXR or HDR picture"
         raise SubjectError(f"{path}: cannot be read ({reason})") from error
@@ -52,8 +60,11 @@ def read_picture(path: Path, encoding: str = "linear") -> np.ndarray:
 
 
 def _integer_size(path: Path) -> tuple[int, int]:
-    with Image.open(path) as header:
-        return header.size
+    with warnings.catch_warnings():
+        # Pillow warns from 89 million pixels on; ours is the limit that counts.
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        with Image.open(path) as header:
+            return header.size
 
 
 def _integer(path: Path) -> np.ndarray:

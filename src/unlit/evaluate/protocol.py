@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..color import encode_srgb
+from ..errors import SubjectError
 from ..head.model import default_model
 from ..optimize.problem import Progress
 from ..optimize.schedule import Settings, as_dict
@@ -110,6 +111,11 @@ class Study:
         return tuple(self._shot(light) for light in self.lights)
 
     def _shot(self, light: Light) -> Shot:
+        if not self.subject.truth.seen.any():
+            raise SubjectError(
+                f"{self.subject.name}: the camera sees nothing of it; "
+                "check camera_to_world (it looks along its -z) and units"
+            )
         image = self.store.picture(
             f"photo-{light.name}",
             key(self.content, light.environment, self.samples, self.seed, code(RENDERING)),

@@ -18,7 +18,7 @@ from ..color import encode_srgb
 from ..errors import SubjectError
 from ..perception.landmarks import find_faces
 from ..photo import face_crop
-from ..render.reference import FaceBSDF, trace
+from ..render.reference import FaceBSDF, mesh_body, trace
 from ..scene.arrays import device
 from ..scene.camera import Camera
 from ..scene.light import uniform
@@ -173,23 +173,14 @@ class Scan:
 
 
 def _body(name: str, part: Part, material: Any) -> Any:
-    properties = mi.Properties()
-    properties["mesh_bsdf"] = material
-    body = mi.Mesh(
+    return mesh_body(
         name,
-        len(part.vertices),
-        len(part.triangles),
-        has_vertex_normals=True,
-        has_vertex_texcoords=True,
-        props=properties,
+        material,
+        device(mi.Point3f, part.vertices),
+        device(mi.Vector3f, part.normals),
+        device(mi.Vector3u, part.triangles),
+        device(mi.Point2f, part.uv),
     )
-    parameters = mi.traverse(body)
-    parameters["faces"] = device(mi.UInt32, part.triangles.ravel())
-    parameters["vertex_positions"] = device(mi.Float, part.vertices.ravel())
-    parameters["vertex_normals"] = device(mi.Float, part.normals.ravel())
-    parameters["vertex_texcoords"] = device(mi.Float, part.uv.ravel())
-    parameters.update()
-    return body
 
 
 def _blocks(values: np.ndarray, width: int) -> np.ndarray:

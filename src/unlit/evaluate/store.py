@@ -23,8 +23,33 @@ from ..reconstruction import Reconstruction
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 #: The code that decides a path-traced picture, and that which decides a reconstruction.
-RENDERING = ("render", "scene", "evaluate/scan.py", "evaluate/subject.py", "evaluate/meshes.py")
-RECONSTRUCTION = ("photo.py", "pipeline.py", "perception", "head", "scene", "render", "optimize")
+RENDERING = (
+    "render",
+    "scene",
+    "color.py",
+    "evaluate/meshes.py",
+    "evaluate/pictures.py",
+    "evaluate/scan.py",
+    "evaluate/subject.py",
+    "evaluate/subject_file.py",
+    # A frontal subject is framed by the landmarks found on it.
+    "assets.py",
+    "perception",
+    "photo.py",
+)
+RECONSTRUCTION = (
+    "assets.py",
+    "color.py",
+    "head",
+    "icc.py",
+    "optimize",
+    "perception",
+    "photo.py",
+    "pipeline.py",
+    "reconstruction.py",
+    "render",
+    "scene",
+)
 
 
 def key(*parts: Any) -> str:
@@ -44,14 +69,12 @@ def key(*parts: Any) -> str:
 
 @functools.cache
 def code(parts: tuple[str, ...]) -> str:
-    """Key of the source files of these modules and sub-packages of unlit."""
-    files = [
-        file
-        for part in parts
-        for file in (
-            [_PACKAGE / part] if part.endswith(".py") else sorted((_PACKAGE / part).glob("*.py"))
-        )
-    ]
+    """Key of the source files of these modules and sub-packages of unlit, and of their data."""
+    files: list[Path] = []
+    for part in parts:
+        inside = (_PACKAGE / part).glob("*")
+        kept = sorted(file for file in inside if file.suffix in (".py", ".npz"))
+        files += [_PACKAGE / part] if part.endswith(".py") else kept
     return key(*(file.read_bytes() for file in files))
 
 
@@ -94,7 +117,8 @@ class Store:
         except OutputError:
             pass
         result = make()
-        save(result, folder)
+        with self.busy(f"saving {name}"):
+            save(result, folder)
         return result
 
     def values(self, name: str, content: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:

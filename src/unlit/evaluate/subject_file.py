@@ -83,7 +83,7 @@ class Table:
         """A finite number in [low, high]."""
         value = self.get(field, default)
         kinds = (int,) if whole else (int, float)
-        if isinstance(value, bool) or not isinstance(value, kinds) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, kinds) or not _finite(value):
             self.fail(field, f"is {value!r}; must be a {'whole ' if whole else ''}number")
         if not low <= value <= high:
             self.fail(field, f"is {value}; must be from {low} to {high}")
@@ -103,7 +103,7 @@ class Table:
             return np.eye(4)
         try:
             matrix = np.array(value, dtype=np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             matrix = np.zeros(0)
         if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
             self.fail(field, "must be four rows of four numbers")
@@ -179,8 +179,13 @@ def _parse(file: Path) -> dict[str, Any]:
         return tomllib.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise SubjectError(f"{file}: cannot be read ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError
         raise SubjectError(f"{file}: no valid TOML ({error})") from error
+
+
+def _finite(value: float) -> bool:
+    """Neither nan nor infinite; TOML's whole numbers may be too large for a float."""
+    return -math.inf < value < math.inf
 
 
 def _unit(top: Table) -> float:
@@ -273,8 +278,11 @@ def _pixels(table: Table) -> np.ndarray:
 def _colour(table: Table) -> np.ndarray:
     if "value" in table.values:
         value = table.get("value")
-        if not (isinstance(value, list) and len(value) == 3):
-            table.fail("value", "must be three numbers, linear sRGB")
+        numbers = isinstance(value, list) and all(
+            isinstance(x, int | float) and not isinstance(x, bool) and 0 <= x <= 4 for x in value
+        )
+        if not numbers or len(value) != 3:
+            table.fail("value", "must be three numbers from 0 to 4, linear sRGB")
         value = np.array([[value]], dtype=np.float64)
     else:
         value = _pixels(table)

@@ -310,7 +310,8 @@ class _Builder:
         model = HeadModel(
             name="MakeHuman head",
             licence="CC0-1.0",
-            origin="MakeHuman community (MPFB2 base mesh and targets); Face Units, Mika Suominen",
+            origin="MakeHuman community (MPFB2 base mesh and targets); Face Units, Mika Suominen; "
+            "shape statistics from ICT-FaceKit (USC ICT, MIT)",
             neutral=neutral.astype(np.float32),
             identity=identity.astype(np.float32),
             expression=expression.astype(np.float32),

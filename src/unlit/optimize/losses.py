@@ -1,8 +1,7 @@
 """The terms of the loss (paper, equations 1 to 5), on Dr.Jit arrays.
 
-Each is a mean over pixels or vertices. The
-image is compared in sRGB-encoded values; albedo smoothness is total variation of log albedo, so
-that a contrast costs the same on dark and on light skin (docs/method.md, "Losses").
+Each is a mean over pixels or vertices. The image is compared in sRGB-encoded values; smoothness is
+the total variation of encoded diffuse albedo and of log specular albedo (docs/method.md, "Losses").
 """
 
 from __future__ import annotations

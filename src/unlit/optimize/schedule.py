@@ -79,11 +79,11 @@ class Settings:
     #: Cost of gloss that departs from it, |rho_s - nominal| S: under an even light a veil of gloss
     #: can hardly be told from paler albedo. Weak, so that highlights decide where there are any.
     specular_cost: float = 0.1
-    #: Upper bound of the specular albedo; far above any skin's, because albedo and light share
-    #: one unknown gain.
+    #: Upper bound of the specular albedo, far above any skin's: dark skin in a bright exposure has
+    #: a high one, since albedo is relative to the best-lit skin.
     max_specular: float = 20.0
-    #: Upper bound of the diffuse albedo during a stage, where the best-lit skin has E = 1 at the
-    #: stage's start: no skin returns more light than falls on it.
+    #: Upper bound of the diffuse albedo during a stage, where the best-lit skin has E = 1:
+    #: no skin returns more light than falls on it.
     max_diffuse: float = 1.0
     #: Error of the shading E that the model is believed to make, where full light is E = 1. The
     #: albedo maps trust a pixel by E / (E + shading_error): what is seen in the shadows says
@@ -96,7 +96,7 @@ class Settings:
     normal_scale: float = 30.0
 
     #: Pixels, evenly spread, from which the light's gradient is taken.
-    light_points: int = 8000
+    light_points: int = 4000
     #: Cells of the light: rows, columns of the regular grid; split further where the light is
     #: steep, up to `max_cells`, after stage 1.
     cell_rows: int = 18

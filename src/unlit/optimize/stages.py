@@ -322,8 +322,8 @@ def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate
     for iteration in range(stage.iterations):
         vertices = dr.unravel(mi.Point3f, steps.from_differential(adam["latent"]))
         if iteration % settings.refresh_interval == 0:
-            e, _ = sample.transport.shade(dr.detach(_radiance(of_lobes, adam)))
             if iteration:
+                e, _ = sample.transport.shade(dr.detach(_radiance(of_lobes, adam)))
                 run.expose(e + turned[0] + sample.of(shading.indirect[0]))
             moved = float(dr.max(dr.norm(dr.detach(vertices) - traced)).numpy().item())
             problem.move(vertices)

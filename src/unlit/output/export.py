@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import tomllib
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 #: The file that makes a folder an export, and the words it starts with.
 MARK = "export.toml"
 MARK_TEXT = "# unlit export"
+_MARK_BYTES = 1 << 16
 #: Texels a side.
 DEFAULT_SIZE, SMALLEST, LARGEST = 1024, 512, 4096
 
@@ -52,6 +55,8 @@ def export(
     progress: Progress = lambda what, done, total: None,
 ) -> Path:
     """Write `formats` (keys of FORMATS) into `folder`, all or nothing; returns the folder.
+
+    An export that is there is replaced: what it lists and this one does not have is removed.
 
     source: the folder that `reconstruction` was loaded from, which scene_unlit.xml refers to.
     size: texels a side of the atlas, 512 to 4096. directx: y of the PNG normal maps points down.
@@ -100,9 +105,23 @@ def export(
         {name: told(1 + n, name, write) for n, (name, write) in enumerate(writers.items())},
         MARK,
         MARK_TEXT,
+        _listed(folder / MARK),
     )
     progress("done", steps, steps)
     return folder
+
+
+def _listed(mark: Path) -> list[str]:
+    """The files an earlier export lists, those with plain names only: the list may be anybody's."""
+    try:
+        with mark.open("rb") as file:
+            text = file.read(_MARK_BYTES).decode()
+        names = tomllib.loads(text).get("files") if text.startswith(MARK_TEXT) else None
+    except (OSError, ValueError):
+        return []
+    plain = re.compile(r"\w[\w-]*(\.\w+)+", re.ASCII)
+    found = names if isinstance(names, list) else []
+    return [name for name in found if isinstance(name, str) and plain.fullmatch(name)]
 
 
 def _way(start: Path, end: Path) -> str:

@@ -73,12 +73,13 @@ def write_all(
     writers: Mapping[str, Callable[[Path], object]],
     mark: str = MARK,
     mark_text: str = MARK_TEXT,
+    obsolete: Collection[str] = (),
 ) -> None:
     """Write files into `folder`: all of them, or none.
 
     writers: by file name, a function that writes the file to the path it is given; `mark`, which
-    starts with `mark_text`, is one of them. Raises OutputError. Files of other names stay as they
-    are.
+    starts with `mark_text`, is one of them. obsolete: names of files to remove in the same step.
+    Files of other names stay as they are. Raises OutputError.
     """
     with _made(folder), _explained(folder):
         _refuse_foreign(folder, writers, mark, mark_text)
@@ -88,6 +89,9 @@ def write_all(
                 write(staging / file)
             with _signals_wait():
                 (folder / mark).unlink(missing_ok=True)
+                for file in set(obsolete) - writers.keys():
+                    if (folder / file).is_file():
+                        (folder / file).unlink()
                 for file in sorted(writers, key=lambda file: file == mark):
                     (staging / file).replace(folder / file)
 

@@ -96,7 +96,7 @@ def obj(reconstruction: Reconstruction, part: np.ndarray, materials: str) -> byt
 def mtl(part: np.ndarray) -> bytes:
     """The materials of `obj`, with the textures of textures.py beside it.
 
-    The last four lines are the physically based extension that Blender and others read.
+    The last three lines of each are the physically based extension that Blender and others read.
     """
     from ..scene.brdf import IOR
 

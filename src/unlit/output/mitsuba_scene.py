@@ -3,8 +3,11 @@
 `scene.xml` needs Mitsuba's own plugins only. Its material is the model of scene/brdf.py to the
 letter: a `blendbsdf` of equal halves adds a `diffuse` and a `roughconductor` (Beckmann) of twice
 the reflectance each, both in a `normalmap` of their own. A conductor without absorption
-(k = 0) has the Fresnel reflectance of a dielectric. What differs from our renders is the atlas:
-the texels, and the filled parts of it.
+(k = 0) has the Fresnel reflectance of a dielectric. Of the `normalmap`s' two repairs the shadowing
+function is off, as our model has none, and so is the turning round of a specular normal that faces
+away from the viewer, where our lobe is zero. A diffuse normal that faces away is turned round: off,
+the skin there would be black, while ours goes on. Elsewhere only the atlas differs from our
+renders: the texels, and the filled parts of it.
 
 `scene_unlit.xml` has the maps as they are, projected from the crop's pixels, by the plugin
 `unlit_result`, which `import unlit.output.mitsuba_scene` makes known to Mitsuba.
@@ -57,9 +60,9 @@ def stock_scene(reconstruction: Reconstruction, mesh: str) -> bytes:
     """scene.xml; mesh: the PLY file's name."""
     bsdf = ElementTree.Element("bsdf", type="blendbsdf")
     _put(bsdf, "float", "weight", 0.5)
-    diffuse = _bent(bsdf, "atlas_diffuse_normal.exr", "diffuse")
+    diffuse = _bent(bsdf, "atlas_diffuse_normal.exr", "diffuse", flip=True)
     _texture(diffuse, "reflectance", TWICE_DIFFUSE)
-    lobe = _bent(bsdf, "atlas_specular_normal.exr", "roughconductor")
+    lobe = _bent(bsdf, "atlas_specular_normal.exr", "roughconductor", flip=False)
     _put(lobe, "string", "distribution", "beckmann")
     _put(lobe, "spectrum", "eta", IOR)
     _put(lobe, "spectrum", "k", 0.0)
@@ -112,9 +115,11 @@ def _sensor(r: Reconstruction) -> ElementTree.Element:
     return sensor
 
 
-def _bent(parent: ElementTree.Element, normals: str, kind: str) -> ElementTree.Element:
-    """A BSDF of `kind` inside a `normalmap`."""
+def _bent(parent: ElementTree.Element, normals: str, kind: str, flip: bool) -> ElementTree.Element:
+    """A BSDF of `kind` inside a `normalmap`; flip: turn round normals that face away."""
     outer = ElementTree.SubElement(parent, "bsdf", type="normalmap")
+    _put(outer, "boolean", "use_shadowing_function", "false")
+    _put(outer, "boolean", "flip_invalid_normals", str(flip).lower())
     _texture(outer, "normalmap", normals)
     return ElementTree.SubElement(outer, "bsdf", type=kind)
 

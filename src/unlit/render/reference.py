@@ -1,8 +1,9 @@
 """The path-traced reference: the same mesh, reflectance and light in Mitsuba's `path` integrator.
 
 The BSDF plugin `unlit_face` has two normals (diffuse and specular) and textures that are
-projected through the camera; Mitsuba's own materials can express neither (`normalmap` bends both
-lobes, `roughplastic` takes no textured roughness).
+projected through the camera. Of stock plugins a `blendbsdf` of two `normalmap`s expresses the same
+model on texture coordinates (output/mitsuba_scene.py, docs/outputs.md); this plugin is for maps
+projected from the crop.
 """
 
 from __future__ import annotations
@@ -159,18 +160,7 @@ def path_trace(
     """
     face = mi.load_dict({"type": PLUGIN})
     face.set_maps(camera, maps)
-    body = mi.Mesh(
-        "face",
-        dr.width(mesh.vertices),
-        dr.width(mesh.triangles),
-        has_vertex_normals=True,
-        props=_with_bsdf(face),
-    )
-    parameters = mi.traverse(body)
-    parameters["faces"] = dr.ravel(mesh.triangles)
-    parameters["vertex_positions"] = dr.ravel(mesh.vertices)
-    parameters["vertex_normals"] = dr.ravel(mesh.normals)
-    parameters.update()
+    body = mesh_body("face", face, mesh.vertices, mesh.normals, mesh.triangles)
     return trace({"face": body, **(others or {})}, camera, environment, samples, bounces, seed)
 
 
@@ -202,7 +192,22 @@ def trace(
     return (total / passes).astype(np.float32)
 
 
-def _with_bsdf(bsdf: Any) -> Any:
-    props = mi.Properties()
-    props["mesh_bsdf"] = bsdf
-    return props
+def mesh_body(
+    name: str, bsdf: Any, vertices: Any, normals: Any, triangles: Any, uv: Any = None
+) -> Any:
+    """mi.Mesh with a BSDF, for a scene dictionary.
+
+    vertices, normals: mi.Point3f and mi.Vector3f of the same width, world frame. triangles:
+    mi.Vector3u. uv: mi.Point2f, one per vertex, or None.
+    """
+    properties = mi.Properties()
+    properties["mesh_bsdf"] = bsdf
+    body = mi.Mesh(name, dr.width(vertices), dr.width(triangles), properties, True, uv is not None)
+    parameters = mi.traverse(body)
+    parameters["faces"] = dr.ravel(triangles)
+    parameters["vertex_positions"] = dr.ravel(vertices)
+    parameters["vertex_normals"] = dr.ravel(normals)
+    if uv is not None:
+        parameters["vertex_texcoords"] = dr.ravel(uv)
+    parameters.update()
+    return body

@@ -200,7 +200,7 @@ def transport_rows(
 
 
 class Product:
-    """y = U x and its transpose for a tall (N, R) float32 matrix.
+    """y = T x and its transpose for a (P, D) float32 matrix.
 
     On the CPU this is BLAS, measured 3 times faster than the same loop in a Dr.Jit kernel;
     elsewhere Dr.Jit does it.
@@ -211,13 +211,13 @@ class Product:
         self.device = None if dr.backend_v(mi.Float) == dr.JitBackend.LLVM else mi.TensorXf(matrix)
 
     def apply(self, x: Any) -> Any:
-        """U x: mi.Float of width R to mi.Float of width N."""
+        """T x: mi.Float of width D to mi.Float of width P."""
         if self.device is not None:
             return dr.sum(self.device * mi.TensorXf(x, (1, dr.width(x))), axis=1).array
         return device(mi.Float, self.matrix @ x.numpy())
 
     def apply_transposed(self, y: Any) -> Any:
-        """U^T y: mi.Float of width N to mi.Float of width R."""
+        """T^T y: mi.Float of width P to mi.Float of width D."""
         if self.device is not None:
             return dr.sum(self.device * mi.TensorXf(y, (dr.width(y), 1)), axis=0).array
         return device(mi.Float, y.numpy() @ self.matrix)

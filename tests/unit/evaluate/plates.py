@@ -52,9 +52,12 @@ def glb(uv: np.ndarray = UV, **document: object) -> bytes:
         ],
         **document,
     }
-    text = json.dumps(content).encode()
+    return glb_of(json.dumps(content).encode(), b"".join(parts))
+
+
+def glb_of(text: bytes, body: bytes = b"") -> bytes:
+    """A GLB file of this JSON and this buffer."""
     text += b" " * (-len(text) % 4)
-    body = b"".join(parts)
     chunks = struct.pack("<I4s", len(text), b"JSON") + text
     chunks += struct.pack("<I4s", len(body), b"BIN\0") + body
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

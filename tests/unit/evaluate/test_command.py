@@ -38,6 +38,12 @@ def run(capsys: Any, *arguments: str) -> tuple[int, str, str]:
         (("SUBJECT", "--lights", "flash,moon"), 1, "moon: no such light; give flash, uniform"),
         (("SUBJECT", "--lights", "none.hdr"), 1, "none.hdr: cannot be read"),
         (("SUBJECT", "other"), 2, "one subject at a time, or photos with --same-person"),
+        (("SUBJECT", "--lights", "flash,flash"), 2, "two lights are called 'flash'"),
+        (("SUBJECT", "--lights", "side", "--ablation"), 2, "--ablation needs flash or uniform"),
+        (("SUBJECT", "--face", "1"), 2, "--face has no use with a subject"),
+        (("SUBJECT", "--check", "--samples", "8"), 2, "--samples has no use with --check"),
+        (("a.jpg", "b.jpg", "--same-person", "--true-mesh"), 2, "--true-mesh has no use"),
+        (("SUBJECT", "--config", "DEEP"), 2, "deep.toml: no valid TOML"),
         (("one.jpg", "--same-person"), 1, "--same-person needs two photos"),
         (("SUBJECT", "--set", "stage9.iterations=1"), 2, "stage9"),
     ],
@@ -47,7 +53,10 @@ def test_mistakes(
 ) -> None:
     """One line, the right exit code, and no folder is left behind by a mistyped name."""
     subject = str(plates.folder(tmp_path))
-    arguments = tuple(subject if a == "SUBJECT" else a for a in arguments)
+    deep = tmp_path / "deep.toml"
+    deep.write_text("a = " + "[" * 100_000)
+    places = {"SUBJECT": subject, "DEEP": str(deep)}
+    arguments = tuple(places.get(a, a) for a in arguments)
     found, out, err = run(capsys, *arguments, "-o", str(tmp_path / "out"))
     assert (found, out) == (code, "")
     assert reason in err
@@ -87,6 +96,11 @@ def test_lights(tmp_path: Path) -> None:
     assert found.environment == pytest.approx(np.maximum(sky, 0))
     (tmp_path / "cut.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8 +X 16\n")
     (tmp_path / "huge.hdr").write_bytes(b"#?RADIANCE\n\n-Y 80000 +X 16\n")
-    for name, reason in (("cut.hdr", "no whole picture"), ("huge.hdr", "at most 16384")):
+    (tmp_path / "wide.hdr").write_bytes(b"#?RADIANCE\n\n-Y 8193 +X 16384\n")
+    for name, reason in (
+        ("cut.hdr", "no whole picture"),
+        ("huge.hdr", "at most 16384"),
+        ("wide.hdr", "at most 134 million"),
+    ):
         with pytest.raises(SubjectError, match=reason):
             command.light(str(tmp_path / name))

@@ -38,6 +38,10 @@ def test_without_texture_coordinates(tmp_path: Path) -> None:
     assert read_mesh(path).uv is None
 
 
+#: Each node twice the child of the one before: 2^40 paths to the mesh.
+DOUBLING = [{"children": [k + 1, k + 1]} for k in range(40)] + [{"mesh": 0}]
+
+
 @pytest.mark.parametrize(
     ("name", "content", "reason"),
     [
@@ -49,7 +53,14 @@ def test_without_texture_coordinates(tmp_path: Path) -> None:
         ("a.ply", b"solid", "not a whole .ply"),
         ("a.ply", plates.ply("ascii")[:-20], "not a whole .ply|not finite|no triangles"),
         ("a.ply", plates.ply("binary_big_endian")[:-20], "not a whole .ply"),
+        ("a.ply", plates.ply("ascii")[:-4], "not a whole .ply"),
+        ("a.ply", plates.ply("ascii").replace(b"vertex_ind", b"other"), "without vertex_indices"),
+        ("a.obj", b"v 0 0 0\nf 99999999999999999999 1 1\n", "not a whole .obj"),
         ("a.glb", b"glTF", "not a whole .glb"),
+        ("a.glb", plates.glb_of(b"[]"), "not a whole .glb"),
+        ("a.glb", plates.glb_of(b"[" * 100_000), "not a whole .glb"),
+        ("a.glb", plates.glb(nodes=[1]), "not a whole .glb"),
+        ("a.glb", plates.glb(nodes=DOUBLING), "a node has two parents"),
         ("a.glb", plates.glb()[:-20], "not a whole .glb"),
         ("a.glb", plates.glb(extensionsRequired=["KHR_draco_mesh_compression"]), "needs KHR_draco"),
         ("a.glb", plates.glb(nodes=[{"children": [0], "mesh": 0}]), "no mesh|not a whole"),
@@ -78,4 +89,15 @@ def test_a_cut_glb_never_reads_beyond_its_end(tmp_path: Path) -> None:
     small = {"bufferView": 0, "componentType": 5123, "type": "SCALAR", "count": 6}
     path.write_bytes(plates.glb(np.zeros((4, 2)), accessors=[small, accessor, accessor]))
     with pytest.raises(SubjectError, match=r"not a whole \.glb"):
+        read_mesh(path)
+
+
+@pytest.mark.parametrize("stride", [-12, 0, 11, 4096])
+def test_a_stride_never_leaves_the_buffer(tmp_path: Path, stride: int) -> None:
+    """glTF allows the size of one element to 252 bytes; others would read foreign memory."""
+    views = [{"byteOffset": start} for start in (0, 12, 60)]
+    views[1]["byteStride"] = stride
+    path = tmp_path / "a.glb"
+    path.write_bytes(plates.glb(bufferViews=views))
+    with pytest.raises(SubjectError, match=f"a stride of {stride} bytes"):
         read_mesh(path)

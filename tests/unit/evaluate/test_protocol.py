@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from bumpy_head import bumpy_head, camera, painted, view
+from unlit.errors import SubjectError
 from unlit.evaluate import protocol
 from unlit.evaluate.figure import check_sheet, result_sheet, sheet
 from unlit.evaluate.persons import consistency
@@ -53,6 +54,13 @@ def study(subject: Subject, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     lights = (Light("flash", flash()), Light("uniform", uniform()))
     store = Store(tmp_path / "steps")
     return Study(subject, "bumpy", lights, short(30), store, samples=16, true_mesh=True)
+
+
+def test_a_camera_that_sees_nothing(study: Study, subject: Subject) -> None:
+    """One line with the likely causes, before anything is rendered."""
+    nothing = replace(subject, mask=np.zeros_like(subject.mask))
+    with pytest.raises(SubjectError, match=r"sees nothing of it.*camera_to_world.*units"):
+        replace(study, subject=nothing).shots()
 
 
 def test_shots_are_exposed(study: Study, subject: Subject) -> None:

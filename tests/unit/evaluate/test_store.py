@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from unlit.errors import OutputError
+from unlit.evaluate import store
 from unlit.evaluate.store import RECONSTRUCTION, RENDERING, Store, code, key
 
 
@@ -26,6 +27,17 @@ def test_code() -> None:
         assert all(code((part,)) != nothing for part in parts)
 
 
+def test_code_includes_data(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A head model that is exchanged changes the key, as a line of source does."""
+    monkeypatch.setattr(store, "_PACKAGE", tmp_path)
+    (tmp_path / "head").mkdir()
+    keys = set()
+    for name, content in (("a.py", b"1"), ("a.npz", b"1"), ("a.npz", b"2"), ("a.txt", b"")):
+        (tmp_path / "head" / name).write_bytes(content)
+        keys.add(code.__wrapped__(("head",)))
+    assert len(keys) == 3
+
+
 def test_done_once(tmp_path: Path) -> None:
     """The second call reads; another content, or a damaged file, makes it anew."""
     said: list[str] = []
@@ -43,21 +55,21 @@ def test_done_once(tmp_path: Path) -> None:
         calls.append(1)
         return np.arange(6.0).reshape(2, 3)
 
-    store = Store(tmp_path / "a" / "b", Busy)
-    first = store.picture("photo", "k1", make)
+    steps = Store(tmp_path / "a" / "b", Busy)
+    first = steps.picture("photo", "k1", make)
     again = Store(tmp_path / "a" / "b").picture("photo", "k1", make)
     assert np.array_equal(first, again)
     assert (len(calls), said) == (1, ["photo"])
-    store.picture("photo", "k2", make)
+    steps.picture("photo", "k2", make)
     assert len(calls) == 2
     (tmp_path / "a/b/photo-k1.npy").write_bytes(b"\x93NUMPY cut")
-    assert np.array_equal(store.picture("photo", "k1", make), first)
+    assert np.array_equal(steps.picture("photo", "k1", make), first)
     assert len(calls) == 3
     values = {"psnr": 31.25, "name": "x", "none": None}
-    assert store.values("metrics", "k", lambda: values) == values
-    assert store.values("metrics", "k", dict) == values
+    assert steps.values("metrics", "k", lambda: values) == values
+    assert steps.values("metrics", "k", dict) == values
     (tmp_path / "a/b/metrics-k.json").write_text("{")
-    assert store.values("metrics", "k", lambda: {"a": 1}) == {"a": 1}
+    assert steps.values("metrics", "k", lambda: {"a": 1}) == {"a": 1}
 
 
 def test_a_step_that_fails_leaves_nothing(tmp_path: Path) -> None:
@@ -66,9 +78,9 @@ def test_a_step_that_fails_leaves_nothing(tmp_path: Path) -> None:
     def interrupted() -> np.ndarray:
         raise KeyboardInterrupt
 
-    store = Store(tmp_path)
+    steps = Store(tmp_path)
     with pytest.raises(KeyboardInterrupt):
-        store.picture("photo", "k", interrupted)
+        steps.picture("photo", "k", interrupted)
     assert not list(tmp_path.iterdir())
 
 

@@ -1,5 +1,8 @@
 """subject.toml: what it makes of every kind of map, and one line for every mistake."""
 
+import struct
+import warnings
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -144,6 +147,10 @@ def test_two_meshes(tmp_path: Path) -> None:
     assert {path.name for path in files_of(tmp_path)} >= {"subject.toml", "plate.obj", "eye.obj"}
 
 
+def albedo(value: str) -> str:
+    return without("diffuse") + f"diffuse_albedo = {{ value = {value} }}\n"
+
+
 def without(line: str) -> str:
     return "".join(x + "\n" for x in plates.MINIMAL.splitlines() if not x.startswith(line))
 
@@ -152,6 +159,14 @@ def without(line: str) -> str:
     ("text", "reason"),
     [
         ("format = 1\nname =", "no valid TOML"),
+        ("a = " + "[" * 100_000, "no valid TOML"),
+        (plates.MINIMAL.replace("24.0", "1" + "0" * 400), r"camera\.fov_x: is 1"),
+        (albedo('["a", 0, 0]'), r"diffuse_albedo\.value: must be three numbers"),
+        (albedo("[nan, 0, 0]"), r"diffuse_albedo\.value: must be three numbers"),
+        (albedo("[[0], 0, 0]"), r"diffuse_albedo\.value: must be three numbers"),
+        (albedo("[true, 0, 0]"), r"diffuse_albedo\.value: must be three numbers"),
+        (albedo("[0, 0]"), r"diffuse_albedo\.value: must be three numbers"),
+        (albedo("0.5"), r"diffuse_albedo\.value: must be three numbers"),
         (plates.MINIMAL.replace("format = 1", "format = 2"), r"format: is 2"),
         (without("name"), "name: is missing"),
         (plates.MINIMAL.replace('"cm"', '"inch"'), "units: is 'inch'; choose 'mm' or"),
@@ -196,6 +211,20 @@ def test_broken_pictures(tmp_path: Path) -> None:
             read_subject(file, SIZE)
     Image.new("1", (20000, 2)).save(picture)
     with pytest.raises(SubjectError, match="at most 16384"):
+        read_subject(file, SIZE)
+
+
+@pytest.mark.parametrize(("width", "height"), [(14000, 14000), (10000, 13500)])
+def test_pictures_of_too_many_pixels(tmp_path: Path, width: int, height: int) -> None:
+    """Beyond Pillow's own limit and between its warning and that: refused by their header."""
+    file = plates.folder(tmp_path)
+    picture = tmp_path / "albedo.png"
+    content = picture.read_bytes()
+    header = content[12:16] + struct.pack(">II", width, height) + content[24:29]
+    changed = content[:12] + header + struct.pack(">I", zlib.crc32(header)) + content[33:]
+    picture.write_bytes(changed)
+    with warnings.catch_warnings(), pytest.raises(SubjectError, match="at most 134 million"):
+        warnings.simplefilter("error")
         read_subject(file, SIZE)
 
 

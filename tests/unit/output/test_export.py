@@ -1,5 +1,6 @@
 """`unlit export`: the files it promises, in a folder of its own."""
 
+import inspect
 import json
 import os
 import re
@@ -34,12 +35,13 @@ def everything(r, tmp_path_factory) -> Path:
 
 
 def test_the_folder_holds_what_it_says(everything):
-    """export.toml lists every file; the command's list of formats is the module's."""
+    """export.toml lists every file; the command's formats are the module's, by default too."""
     table = tomllib.loads((everything / "export.toml").read_text())
     assert {path.name for path in everything.iterdir()} == set(table["files"])
     assert all(path.stat().st_size for path in everything.iterdir())
     assert table["source"] == ".."
     assert (*EXPORTS, "usd") == tuple(FORMATS)
+    assert inspect.signature(export).parameters["formats"].default == EXPORTS
 
 
 def test_obj_with_materials(r, everything):
@@ -81,6 +83,27 @@ def test_it_is_replaced_but_nothing_else_is(r, tmp_path):
     with pytest.raises(OutputError, match=r"theirs: holds mesh\.ply"):
         export(r, tmp_path / "theirs", tmp_path, ["ply"], 512)
     assert (tmp_path / "theirs" / "mesh.ply").read_text() == "theirs"
+
+
+def test_a_smaller_export_leaves_none_of_the_larger_ones_files(r, tmp_path):
+    """What only the old export.toml lists goes; unlisted files and odd names in the list stay."""
+    folder = export(r, tmp_path / "export", tmp_path, ["obj"], 512)
+    assert (folder / "mesh.mtl").is_file()
+    outside = tmp_path / "outside.txt"
+    kept = [outside, folder / "notes.txt", folder / ".hidden", folder / "kept" / "a.txt"]
+    (folder / "kept").mkdir()
+    for path in kept:
+        path.write_text("mine")
+    mark = folder / "export.toml"
+    odd = ["../outside.txt", str(outside), ".hidden", "kept/a.txt", "kept", "..", "\\u0000"]
+    listed = "".join(f'"{name}", ' for name in odd)
+    mark.write_text(mark.read_text().replace("files = [", f"files = [{listed}"))
+    assert set(odd) - {"\\u0000"} < set(tomllib.loads(mark.read_text())["files"])
+    export(r, folder, tmp_path, ["ply"], 512)
+    assert all(path.read_text() == "mine" for path in kept)
+    files = set(tomllib.loads(mark.read_text())["files"])
+    assert {path.name for path in folder.iterdir()} == files | {"notes.txt", ".hidden", "kept"}
+    assert "mesh.mtl" not in files
 
 
 @pytest.mark.parametrize(

@@ -136,6 +136,7 @@ def rendered(file: Path, camera: Camera, environment: np.ndarray, centre: np.nda
         normal = np.asarray(material.normalTexture.convert("RGB")) / 255
         bsdf = {
             "type": "normalmap",
+            "use_shadowing_function": False,  # glTF has none
             "normalmap": texture(normal),
             "both": {
                 "type": "blendbsdf",
