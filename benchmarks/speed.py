@@ -4,7 +4,7 @@
 
 Each stage runs `share` of its iterations, on the default head under a made-up light. Its rate is
 taken between progress reports (with the periodic refreshes); what else the stage takes, tracing
-and factorising and compiling kernels, is its set-up. Mitsuba's row is one iteration of inverse
+and compiling kernels, is its set-up. Mitsuba's row is one iteration of inverse
 rendering with what it ships: `prb`, max_depth 2, 16 samples per pixel, the same mesh, camera and
 texture size, a `principled` material with differentiable bitmaps, an environment map, Adam.
 """
