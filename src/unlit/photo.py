@@ -167,7 +167,7 @@ def _read_bytes(path: Path) -> bytes:
         if path.is_dir():
             raise PhotoError(f"{path}: a folder; give one picture file")
         if not path.exists():
-            raise PhotoError(f"{path}: no such file")
+            raise PhotoError(f"{path}: no such file; check the name and the folder")
         if not path.is_file():
             raise PhotoError(f"{path}: not a regular file; give a picture file")
         if (size := path.stat().st_size) > MAX_BYTES:
