@@ -80,7 +80,7 @@ def test_a_full_disk_names_the_remedy(tmp_path):
         write_all(tmp_path / "new", {MARK: full})
 
 
-def test_ctrl_c_waits_until_all_files_are_in_place(tmp_path, monkeypatch):
+def test_ctrl_c_waits_until_all_files_are_in_place(tmp_path, monkeypatch, request):
     """An interrupt between two moves would leave a mixture of two results."""
     move = Path.replace
 
@@ -90,6 +90,9 @@ def test_ctrl_c_waits_until_all_files_are_in_place(tmp_path, monkeypatch):
 
     write_all(tmp_path, writers(OLD, "mask.png", "render.png"))
     monkeypatch.setattr(Path, "replace", interrupted)
+    # A shell starts what runs in the background with the signal ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
     with pytest.raises(KeyboardInterrupt):
         write_all(tmp_path, writers(NEW, "mask.png", "render.png"))
     assert contents(tmp_path) == dict.fromkeys((MARK, "mask.png", "render.png"), NEW)
