@@ -13,6 +13,7 @@ import numpy as np
 
 from .._runtime import mitsuba
 from ..scene.arrays import device
+from ..scene.linear import linear
 from ..scene.maps import kernel
 
 mi = mitsuba()
@@ -28,7 +29,7 @@ class Blur:
 
     def __call__(self, values: Any) -> Any:
         """Blur mi.Vector3f of width P; differentiable."""
-        return dr.custom(_BlurOp, self, values)
+        return linear(self.apply, self.apply, values)
 
     def apply(self, values: Any) -> Any:
         """The blur itself, without derivatives."""
@@ -48,15 +49,3 @@ class Blur:
             inside = (position + offset >= 0) & (position + offset < size)
             total += weight * dr.gather(mi.Vector3f, image, index + offset * stride, inside)
         return total
-
-
-class _BlurOp(dr.CustomOp):
-    def eval(self, blur: Blur, values: Any) -> Any:
-        self.blur = blur
-        return blur.apply(values)
-
-    def forward(self) -> None:
-        self.set_grad_out(self.blur.apply(self.grad_in("values")))
-
-    def backward(self) -> None:
-        self.set_grad_in("values", self.blur.apply(self.grad_out()))

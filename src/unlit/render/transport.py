@@ -26,6 +26,7 @@ from .._runtime import mitsuba
 from ..scene.arrays import device
 from ..scene.brdf import specular, specular_with_gradient
 from ..scene.cells import Cells
+from ..scene.linear import linear
 from .visibility import trace, visible
 
 mi = mitsuba()
@@ -223,20 +224,6 @@ class Product:
         return device(mi.Float, y.numpy() @ self.matrix)
 
 
-class _Multiply(dr.CustomOp):
-    """`Product` with its adjoint, as one differentiable Dr.Jit operation."""
-
-    def eval(self, product: Product, x: Any) -> Any:
-        self.product = product
-        return product.apply(x)
-
-    def forward(self) -> None:
-        self.set_grad_out(self.product.apply(self.grad_in("x")))
-
-    def backward(self) -> None:
-        self.set_grad_in("x", self.product.apply_transposed(self.grad_out()))
-
-
 class Transport:
     """The transport matrices of some points: E and S as functions of the cells' radiance.
 
@@ -248,5 +235,5 @@ class Transport:
 
     def shade(self, radiance: Any) -> tuple[Any, Any]:
         """(E, S), mi.Float of width P, for `radiance` mi.Float of width D; differentiable."""
-        e, s = (dr.custom(_Multiply, product, radiance) for product in self._products)
+        e, s = (linear(p.apply, p.apply_transposed, radiance) for p in self._products)
         return e, s

@@ -15,6 +15,7 @@ from scipy import sparse
 
 from .._runtime import mitsuba
 from .arrays import device
+from .linear import linear
 
 mi = mitsuba()
 
@@ -30,11 +31,11 @@ class Gather:
 
     def __call__(self, source: Any) -> Any:
         """source[index], of the type of `source` (mi.Point3f, mi.Vector3f, ...); differentiable."""
-        return dr.custom(_GatherOp, self, source)
+        return linear(self.pick, self.add, source)
 
     def total(self, values: Any) -> Any:
         """For each of the `size` elements the sum of the `values` that belong to it."""
-        return dr.custom(_TotalOp, self, values)
+        return linear(self.add, self.pick, values)
 
     def pick(self, source: Any) -> Any:
         """The gather itself, without derivatives."""
@@ -43,27 +44,3 @@ class Gather:
     def add(self, values: Any) -> Any:
         """The sum itself, without derivatives."""
         return device(type(values), self._sum @ values.numpy().T)
-
-
-class _GatherOp(dr.CustomOp):
-    def eval(self, gather: Gather, source: Any) -> Any:
-        self.gather = gather
-        return gather.pick(source)
-
-    def forward(self) -> None:
-        self.set_grad_out(self.gather.pick(self.grad_in("source")))
-
-    def backward(self) -> None:
-        self.set_grad_in("source", self.gather.add(self.grad_out()))
-
-
-class _TotalOp(dr.CustomOp):
-    def eval(self, gather: Gather, values: Any) -> Any:
-        self.gather = gather
-        return gather.add(values)
-
-    def forward(self) -> None:
-        self.set_grad_out(self.gather.add(self.grad_in("values")))
-
-    def backward(self) -> None:
-        self.set_grad_in("values", self.gather.pick(self.grad_out()))
