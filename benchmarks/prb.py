@@ -25,9 +25,10 @@ import drjit as dr
 from unlit._runtime import mitsuba
 from unlit.evaluate.metrics import best_gain, compare, psnr
 from unlit.evaluate.protocol import Known, Row, Shot
+from unlit.optimize.losses import encode
 from unlit.optimize.schedule import TABLE_1
 from unlit.reconstruction import Reconstruction
-from unlit.render.reference import mitsuba_environment
+from unlit.render.reference import mesh_body, mitsuba_environment
 from unlit.scene.arrays import device
 from unlit.scene.mesh import Mesh
 
@@ -72,26 +73,11 @@ def _scene(
             },
         }
     )
-    properties = mi.Properties()
-    properties["mesh_bsdf"] = material
-    body = mi.Mesh(
-        "face",
-        len(face.vertices),
-        len(face.triangles),
-        has_vertex_normals=True,
-        has_vertex_texcoords=True,
-        props=properties,
-    )
     mesh = Mesh(face.vertices, face.triangles)
     size = (face.camera.width, face.camera.height)
     # The texture's first row is v = 0 here, as `data` is not flipped.
-    uv = face.camera.project(face.vertices) / size
-    geometry = mi.traverse(body)
-    geometry["faces"] = dr.ravel(mesh.triangles)
-    geometry["vertex_positions"] = dr.ravel(mesh.vertices)
-    geometry["vertex_normals"] = dr.ravel(mesh.normals)
-    geometry["vertex_texcoords"] = device(mi.Float, uv.ravel())
-    geometry.update()
+    uv = device(mi.Point2f, face.camera.project(face.vertices) / size)
+    body = mesh_body("face", material, mesh.vertices, mesh.normals, mesh.triangles, uv)
     integrator = {"type": kind, "max_depth": depth, "hide_emitters": True}
     return mi.load_dict(
         {
@@ -102,11 +88,6 @@ def _scene(
             "integrator": integrator,
         }
     )
-
-
-def _encode(linear: Any) -> Any:
-    above = dr.fma(1.055, dr.power(dr.maximum(linear, 0.0031308), 1 / 2.4), -0.055)
-    return dr.select(linear <= 0.0031308, linear * 12.92, above)
 
 
 def fit(face: Reconstruction) -> Baseline:
@@ -134,7 +115,7 @@ def fit(face: Reconstruction) -> Baseline:
     channel = device(mi.UInt32, np.tile(np.arange(3), size * size))
     mask = np.repeat((face.mask > 0.5).ravel(), 3)
     inside = device(mi.Float, mask / mask.sum())
-    target = _encode(device(mi.Float, np.clip(face.image, 0, 1).ravel()))
+    target = encode(device(mi.Float, np.clip(face.image, 0, 1).ravel()))
     here = (face.mask > 0.5).astype(np.float32)
     pairs = [
         device(mi.Float, np.repeat((here[:, 1:] * here[:, :-1]).ravel(), 3)),
@@ -162,7 +143,7 @@ def fit(face: Reconstruction) -> Baseline:
             parameters[light_name] = mi.TensorXf(radiance, (rows, columns, 3))
             parameters.update()
             image = mi.render(scene, parameters, spp=SAMPLES, seed=seed)
-            loss = dr.sum(dr.abs(_encode(image.array) - target) * inside)
+            loss = dr.sum(dr.abs(encode(image.array) - target) * inside)
             if smooth:
                 loss += smooth * _variation(log, size, pairs) / (mask.sum())
             dr.backward(loss)

@@ -30,8 +30,10 @@ from unlit.head.model import default_model
 from unlit.optimize.problem import Evidence, Problem
 from unlit.optimize.schedule import PRESETS, TABLE_1
 from unlit.optimize.stages import run_stages
+from unlit.render.reference import mesh_body
 from unlit.render.relight import composed
 from unlit.render.transport import Directions, Points, shade, visibility
+from unlit.scene.arrays import device
 from unlit.scene.camera import Camera
 from unlit.scene.cells import grid_cells
 from unlit.scene.light import SphericalGaussians
@@ -135,23 +137,9 @@ def prb(
             "specular": 0.4,
         }
     )
-    properties = mi.Properties()
-    properties["mesh_bsdf"] = material
-    body = mi.Mesh(
-        "face",
-        len(vertices),
-        len(triangles),
-        has_vertex_normals=True,
-        has_vertex_texcoords=True,
-        props=properties,
-    )
     mesh = Mesh(vertices, triangles)
-    geometry = mi.traverse(body)
-    geometry["faces"] = dr.ravel(mesh.triangles)
-    geometry["vertex_positions"] = dr.ravel(mesh.vertices)
-    geometry["vertex_normals"] = dr.ravel(mesh.normals)
-    geometry["vertex_texcoords"] = mi.Float(uv.astype(np.float32).ravel())
-    geometry.update()
+    corners = device(mi.Point2f, uv)
+    body = mesh_body("face", material, mesh.vertices, mesh.normals, mesh.triangles, corners)
     sky = mi.Bitmap(np.full((180, 360, 3), 0.5, np.float32))
     scene = mi.load_dict(
         {
@@ -164,7 +152,7 @@ def prb(
     )
     parameters = mi.traverse(scene)
     kept = ("base_color.data", "roughness.data", "light.data")
-    names = [name for name in dict(parameters) if name.endswith(kept)]
+    names = [name for name in parameters.keys() if name.endswith(kept)]  # noqa: SIM118
     assert len(names) == len(kept), names
     parameters.keep(names)
     optimizer = mi.ad.Adam(lr=0.01)

@@ -14,6 +14,7 @@ from PIL import Image
 
 import unlit
 from unlit import cli
+from unlit.cli import settings
 from unlit.errors import FaceError, ModelError
 from unlit.optimize import schedule
 
@@ -41,7 +42,7 @@ def pipeline(monkeypatch):
     fake.run = lambda options: None
     monkeypatch.setitem(sys.modules, "unlit.pipeline", fake)
     monkeypatch.setattr(unlit, "pipeline", fake, raising=False)
-    monkeypatch.setattr(cli, "_fetch_models", lambda *commands: None)
+    monkeypatch.setattr(cli.models, "fetch", lambda *commands: None)
     return fake
 
 
@@ -80,7 +81,7 @@ def test_every_help_teaches_by_example(capsys, command):
 
 def test_presets_are_those_of_the_schedule():
     """They are repeated in cli.py only so that the help need not import the renderer."""
-    assert tuple(schedule.PRESETS) == cli.PRESETS
+    assert tuple(schedule.PRESETS) == settings.PRESETS
 
 
 def test_version(capsys):
@@ -126,7 +127,7 @@ def test_config_may_be_an_older_result(photo, tmp_path):
     path = tmp_path / "reconstruction.toml"
     path.write_text('photo = "x"\n[settings]\nseed = 9\n')
     options = cli._parser().parse_args(["reconstruct", "a", "-o", "b", "--config", str(path)])
-    assert cli._settings(options).seed == 9
+    assert settings.settings_of(options).seed == 9
 
 
 @pytest.mark.parametrize(
@@ -231,7 +232,7 @@ def test_a_folder_that_cannot_be_written_is_refused_first(photo, pipeline, tmp_p
 
 def test_missing_models_are_one_line(photo, tmp_path, capsys, monkeypatch):
     """Offline on the first run."""
-    monkeypatch.setattr(cli, "_fetch_models", raiser(ModelError("face.task: offline; do this")))
+    monkeypatch.setattr(cli.models, "fetch", raiser(ModelError("face.task: offline; do this")))
     code, _, err = run(capsys, "reconstruct", str(photo), "-o", str(tmp_path / "out"))
     assert (code, err) == (1, "unlit: error: face.task: offline; do this\n")
 

@@ -16,7 +16,8 @@ import pytest
 from PIL import Image
 
 from small_head import CENTRE, save_quickly, small_head
-from unlit.cli import EXPORTS, main
+from unlit.cli import main
+from unlit.cli.export import EXPORTS
 from unlit.color import encode_srgb
 from unlit.errors import OutputError, SettingsError
 from unlit.output import FORMATS, export, save

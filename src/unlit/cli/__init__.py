@@ -1,0 +1,109 @@
+"""The command line: parses and prints, computes nothing.
+
+Exit codes: 0 done; 1 an error in the input or on this machine; 2 wrong usage or settings; 130
+interrupted by Ctrl-C; 143 asked to end. Every error a user can mend is one line on standard error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import errno
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+from ..errors import SettingsError, UnlitError
+from . import demo, doctor, evaluate, export, models, montage, reconstruct
+
+#: In the order of the help.
+COMMANDS = (reconstruct, demo, evaluate, montage, export, models, doctor)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code."""
+    with contextlib.suppress(ValueError):  # not in the main thread
+        signal.signal(signal.SIGTERM, _end)
+    try:
+        options = _parser().parse_args(arguments)
+        code = options.run(options)
+        sys.stdout.flush()
+        return code
+    except Exception as error:
+        return _explain(_cause(error))
+    except KeyboardInterrupt as error:
+        return _explain(error)
+
+
+def _cause(error: BaseException) -> BaseException:
+    """What went wrong: Dr.Jit wraps whatever is raised inside a custom operation, Ctrl-C too."""
+    inner = error.__cause__ or error.__context__
+    return _cause(inner) if type(error) is RuntimeError and inner is not None else error
+
+
+def _explain(error: BaseException) -> int:
+    """Print one line about `error` and return the exit code; what is no user's doing is raised."""
+    match error:
+        case SettingsError():
+            return _fail(error, 2)
+        case UnlitError():
+            return _fail(error, 1)
+        case KeyboardInterrupt():
+            print("unlit: interrupted; nothing half-written is left, run it again", file=sys.stderr)
+            return 130
+        case BrokenPipeError():
+            _drop_output()
+            return 141
+        case MemoryError():
+            return _fail(_MEMORY, 1)
+        case RuntimeError() if "out of memory" in str(error):  # the renderer's own way to say it
+            return _fail(_MEMORY, 1)
+        case OSError(errno=errno.ENOSPC | errno.EDQUOT):
+            _drop_output()
+            return _fail(f"{error.filename or 'the disk'}: no space left; free some", 1)
+        case PermissionError():
+            return _fail(f"{error.filename or 'a file'}: no permission; change its rights", 1)
+    raise error
+
+
+_MEMORY = "not enough memory: close programs, or use --preset draft or a lower --resolution"
+
+
+def _fail(error: Exception | str, code: int) -> int:
+    print(f"unlit: error: {' '.join(str(error).split())}", file=sys.stderr)
+    return code
+
+
+def _drop_output() -> None:
+    """Let go of what standard output still holds, so that it does not raise again at exit."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _end(number: int, frame: Any) -> NoReturn:
+    raise SystemExit(128 + number)
+
+
+class _Version(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
+        from importlib.metadata import version
+
+        print(f"unlit {version('unlit')}")
+        parser.exit()
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="unlit",
+        description="One photo of a face in; mesh, albedo, normals and light out.",
+        epilog="example:\n  unlit reconstruct portrait.jpg -o portrait\n\n"
+        "`unlit COMMAND --help` says more about a command.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for module in COMMANDS:
+        module.add(commands)
+    return parser

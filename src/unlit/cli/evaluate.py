@@ -1,0 +1,95 @@
+"""`unlit evaluate`: measure the method where the truth is known."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from ..errors import SettingsError
+from . import models
+from .parser import command
+from .settings import add_settings, settings_of
+
+
+def add(commands: Any) -> None:
+    """The sub-parser of this command."""
+    parser = command(
+        commands,
+        "evaluate",
+        run,
+        "measure the method on a subject whose truth is known",
+        "Photograph a scanned head under known lights, reconstruct it from each photo, relight it "
+        "by the others and compare: the paper's Tables 2 and 3. SUBJECT is a subject.toml or its "
+        "folder (docs/evaluation.md). Finished steps stay in DIR/steps and are not repeated.",
+        "  unlit evaluate scan/subject.toml -o scan-check --check\n"
+        "  unlit evaluate scan -o results --lights flash,uniform,side --ablation\n"
+        "  unlit evaluate --same-person noon.jpg window.jpg lamp.jpg -o alike",
+    )
+    parser.add_argument("inputs", metavar="SUBJECT", nargs="+", help="or photos of one person")
+    parser.add_argument("-o", "--output", metavar="DIR", required=True, help="folder to write")
+    kinds = parser.add_mutually_exclusive_group()
+    kinds.add_argument("--check", action="store_true", help="only render it under three lights")
+    kinds.add_argument("--ablation", action="store_true", help="also switch each stage off")
+    kinds.add_argument(
+        "--same-person", action="store_true", help="photos of one person: compare their albedos"
+    )
+    parser.add_argument(
+        "--lights",
+        metavar="LIST",
+        help="of flash, uniform, side, and .hdr or .exr files (flash,uniform)",
+    )
+    parser.add_argument(
+        "--samples", type=_samples, metavar="N", help="of the path tracer, per pixel (256)"
+    )
+    parser.add_argument(
+        "--true-mesh", action="store_true", help="give the reconstruction the subject's own mesh"
+    )
+    add_settings(parser, "paper")
+
+
+def run(options: argparse.Namespace) -> int:
+    settings = settings_of(options)
+    from ..evaluate import command
+
+    inputs, folder = [Path(name) for name in options.inputs], Path(options.output)
+    if not options.same_person and len(inputs) != 1:
+        raise SettingsError("evaluate one subject at a time, or photos with --same-person")
+    _refuse_unused(options)
+    # LPIPS compares relit pictures, which only the whole protocol makes.
+    whole = not (options.same_person or options.check)
+    models.fetch("reconstruct", *(["evaluate"] if whole else []))
+    if options.same_person:
+        print(command.run_persons(inputs, folder, settings, options.face))
+    elif options.check:
+        print(command.run_check(inputs[0], folder, settings))
+    else:
+        lights = (options.lights or "flash,uniform").split(",")
+        samples, ablation, own = options.samples or 256, options.ablation, options.true_mesh
+        print(command.run_subject(inputs[0], folder, settings, lights, samples, ablation, own))
+    return 0
+
+
+def _refuse_unused(options: argparse.Namespace) -> None:
+    """Raise SettingsError for an option that the asked kind of evaluation has no use for."""
+    of_protocol = {
+        "--lights": options.lights is not None,
+        "--samples": options.samples is not None,
+        "--true-mesh": options.true_mesh,
+    }
+    of_photos = {"--face": options.face != "only"}
+    if options.same_person:
+        kind, unused = "--same-person", of_protocol
+    elif options.check:
+        kind, unused = "--check", of_protocol | of_photos
+    else:
+        kind, unused = "a subject", of_photos
+    for name, given in unused.items():
+        if given:
+            raise SettingsError(f"{name} has no use with {kind}; leave it out")
+
+
+def _samples(text: str) -> int:
+    if text.isdecimal() and 1 <= int(text) <= 65536:
+        return int(text)
+    raise argparse.ArgumentTypeError(f"{text!r}: write a number from 1 to 65536")

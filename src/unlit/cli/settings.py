@@ -1,0 +1,93 @@
+"""Options that set how a reconstruction is done, shared by several commands."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import SettingsError
+
+if TYPE_CHECKING:
+    from ..optimize.schedule import Settings
+
+#: Kept here, too, so that the help does not wait for the renderer.
+PRESETS = ("paper", "draft")
+
+
+def add_settings(parser: argparse.ArgumentParser, preset: str) -> None:
+    parser.add_argument(
+        "--preset",
+        choices=PRESETS,
+        default=preset,
+        help=f"paper: the whole schedule at 512 pixels; draft: a quick look at 256 ({preset})",
+    )
+    parser.add_argument(
+        "--resolution", type=int, metavar="N", help="side of the face crop, 256 to 2048 pixels"
+    )
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of random choices")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        type=_assignment,
+        metavar="NAME=VALUE",
+        help="override one setting, e.g. stage2.iterations=500; may be repeated",
+    )
+    parser.add_argument(
+        "--config",
+        metavar="FILE.toml",
+        help="settings from a TOML file, or those of an older result's reconstruction.toml",
+    )
+    parser.add_argument(
+        "--face",
+        type=_face,
+        default="only",
+        metavar="largest|N",
+        help="which face if there are several: the largest, or a number from 0, large to small",
+    )
+
+
+def settings_of(options: argparse.Namespace) -> Settings:
+    """Preset, then --config, then --resolution and --seed, then --set."""
+    from ..optimize.schedule import PRESETS, override
+
+    changes: dict[str, Any] = {}
+    if options.config is not None:
+        changes |= _config(Path(options.config))
+    for name in ("resolution", "seed"):
+        if getattr(options, name) is not None:
+            changes[name] = getattr(options, name)
+    settings = override(PRESETS[options.preset], changes)
+    return override(settings, dict(options.set))
+
+
+def _config(path: Path) -> dict[str, Any]:
+    """Settings of a TOML file: at its top level, or in the table `settings` of a saved result."""
+    import tomllib
+
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be read ({error.strerror})") from error
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError
+        raise SettingsError(f"{path}: no valid TOML ({error})") from error
+    inner = values.get("settings", values)
+    if not isinstance(inner, dict):
+        raise SettingsError(f"{path}: settings must be a table")
+    return inner
+
+
+def _assignment(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not (name and equals):
+        raise argparse.ArgumentTypeError(f"{text!r}: write NAME=VALUE")
+    return name.strip(), value.strip()
+
+
+def _face(text: str) -> str | int:
+    if text in ("largest", "only"):
+        return text
+    if text.isdecimal():
+        return int(text)
+    raise argparse.ArgumentTypeError(f"{text!r}: write largest, or a number from 0")
