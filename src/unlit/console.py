@@ -16,8 +16,8 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn
 
 #: What one iteration of each stage costs, and what comes before, between and after, relative to
 #: an iteration of stage 2: only for the time left, which is scaled to what has been measured.
-_ITERATION_COST = {"stage1": 0.5, "stage2": 1.0, "stage3": 5.0, "stage4": 2.0, "stage5": 2.0}
-_FIXED_COST = {"photo": 5, "perception": 40, "fit": 150, "finish": 400}
+_ITERATION_COST = {"stage1": 0.5, "stage2": 1.0, "stage3": 3.0, "stage4": 0.8, "stage5": 0.8}
+_FIXED_COST = {"photo": 5, "perception": 40, "fit": 150, "finish": 600}
 _STAGE_START_COST = 200
 
 _LABELS = {
@@ -100,8 +100,12 @@ class RunConsole:
         self._lines.append(line)
         self.console.print(line, markup=False)
 
+    def note(self, line: str) -> None:
+        """Keep a line in the log without printing it."""
+        self._lines.append(line)
+
     def log(self) -> str:
-        """Everything said so far."""
+        """Everything said and noted so far."""
         return "\n".join([*self._lines, ""])
 
     def __call__(self, stage: str, iteration: int, iterations: int, loss: float) -> None:
@@ -157,7 +161,8 @@ class FetchConsole:
             )
         elif asset.name != self._shown:
             self._shown = asset.name
-            self.console.print(f"fetching {asset.name} ({total / 1e6:.0f} MB)")
+            kept = f", {asset.size / 1e6:.0f} MB of it kept" if total > 1.1 * asset.size else ""
+            self.console.print(f"fetching {asset.name} ({total / 1e6:.0f} MB{kept})")
         sys.stderr.flush()
 
 
@@ -166,14 +171,16 @@ class StepConsole:
 
     def __init__(self, console: Console | None = None) -> None:
         self.console = console or Console(stderr=True, highlight=False, soft_wrap=True)
+        self._said = time.monotonic()
 
     def __call__(self, what: str, done: int, total: int) -> None:
         if self.console.is_terminal:
             bar = ("=" * (24 * done // total)).ljust(24)
             end = "\n" if done == total else "\r"
             self.console.print(f"[{bar}] {what:<40}", end=end, markup=False)
-        elif done == 0:
-            self.console.print(what, markup=False)
+        elif done == 0 or time.monotonic() - self._said >= _PLAIN_SECONDS:
+            self.console.print(f"{what}  {done}/{total}" if done else what, markup=False)
+            self._said = time.monotonic()
         sys.stderr.flush()
 
 

@@ -31,3 +31,7 @@ class MachineError(UnlitError):
 
 class SubjectError(UnlitError):
     """A subject's description, or a mesh or map it names, cannot be used."""
+
+
+class PictureError(UnlitError):
+    """A map or a photographed light cannot be read, is too large, or is no picture."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import sys
 import time
 from collections.abc import Callable
@@ -16,16 +17,19 @@ from threadpoolctl import threadpool_limits
 
 from ._runtime import mitsuba
 from .errors import FaceError
+from .evaluate.store import key
 from .head.fit import LandmarkProblem
 from .head.model import HeadModel, default_model
+from .mask import painted, read_mask
+from .optimize.checkpoint import Checkpoint
 from .optimize.photometric import photometric_fit
 from .optimize.problem import Estimate, Evidence, Problem, Progress, Shading
 from .optimize.schedule import PRESETS, Settings, as_dict
-from .optimize.stages import run_stages, start
+from .optimize.stages import Begin, run_stages, start
 from .perception.landmarks import Face, find_faces
 from .perception.regions import Regions, segment
 from .photo import Crop, Photo, face_crop, read_photo
-from .reconstruction import Reconstruction
+from .reconstruction import Fit, Reconstruction
 from .scene.arrays import device
 from .scene.camera import Camera
 from .scene.lobes import CellRadiance
@@ -86,38 +90,56 @@ def reconstruct(
     settings: Settings = PRESETS["paper"],
     face: str | int = "only",
     model: HeadModel | None = None,
+    mask: str | Path | np.ndarray | None = None,
     progress: Progress = _silent,
     preview: Preview | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> Reconstruction:
     """Reconstruct the face in `photo` (paper, sections 2 and 3).
 
     photo: a file, a Photo, or an array (H, W, 3): uint8 sRGB-encoded or float linear sRGB.
     face: "only" (several faces are an error), "largest", or a number counted from the largest, 0.
     model: the head model to fit; the default is MakeHuman's head.
+    mask: a picture file or an array (H, W) in [0, 1] of the photo's size; 0 leaves skin out.
     progress: called with (stage, iteration, iterations, loss). preview: called with the result so
-    far after the fit and after every stage.
+    far after the fit and after every stage. checkpoint: where the state is kept after every stage,
+    and from where it is resumed; `save` removes it from the result's folder.
 
-    Raises PhotoError, FaceError, ModelError or MachineError.
+    Raises PhotoError, FaceError, ModelError, OutputError or MachineError.
     """
     clock = _Clock()
     progress("photo", 0, 1, 0.0)
     loaded = _as_photo(photo)
+    kept = None if mask is None else read_mask(mask, loaded)
+    if checkpoint is not None:
+        content = key(loaded.pixels, loaded.focal)
+        choices = {"face": face, "mask": None if kept is None else key(kept)}
+        checkpoint.belongs_to((Path(loaded.source).name, content), settings, choices)
     clock.lap("photo")
     progress("perception", 0, 1, 0.0)
-    capture = observe(loaded, settings.resolution, face)
+    capture = observe(loaded, settings.resolution, face, mask=kept)
     clock.lap("perception")
     progress("fit", 0, 1, 0.0)
     head = fitted_head(capture, model or default_model())
     clock.lap("fit")
-    return solve(capture, head, settings, progress, preview, clock)
+    if checkpoint is None:
+        return solve(capture, head, settings, progress, preview, clock)
+    return solve(
+        capture, head, settings, progress, preview, clock, checkpoint.begin, checkpoint.keep
+    )
 
 
 def observe(
-    photo: Photo, resolution: int, face: str | int = "only", camera: Camera | None = None
+    photo: Photo,
+    resolution: int,
+    face: str | int = "only",
+    camera: Camera | None = None,
+    mask: np.ndarray | None = None,
 ) -> Capture:
     """Find the face, cut it out, and segment it.
 
-    With `camera` the photo is taken as the crop itself, as seen by that camera. Raises FaceError.
+    With `camera` the photo is taken as the crop itself, as seen by that camera. mask: (H, W) of
+    the photo's size, which the face's region is multiplied with. Raises FaceError.
     """
     found = choose(find_faces(photo.encoded8()), face, photo.source)
     height, width = photo.pixels.shape[:2]
@@ -130,6 +152,8 @@ def observe(
     xy = crop.points(found.landmarks[:, :2])
     landmarks = np.column_stack([xy, found.landmarks[:, 2] * crop.scale])
     regions = segment(image, landmarks, found.blendshapes)
+    if mask is not None:
+        regions = painted(regions, regions.face * crop.image(mask))
     return Capture(Path(photo.source).name, image, camera, crop, regions, landmarks)
 
 
@@ -159,8 +183,14 @@ def solve(
     progress: Progress = _silent,
     preview: Preview | None = None,
     clock: _Clock | None = None,
+    begin: Callable[[Problem, dict[str, float]], Begin | None] | None = None,
+    keep: Callable[[str, Problem, Estimate, Shading, dict[str, float]], None] | None = None,
 ) -> Reconstruction:
-    """The five stages on one capture, starting from the mesh `head`."""
+    """The five stages on one capture, starting from the mesh `head`.
+
+    begin: given the problem and the seconds so far, what the stages go on from. keep: called at
+    the end of each stage.
+    """
     lap = clock or _Clock()
     try:
         problem = Problem(evidence(capture, head), settings, progress)
@@ -178,17 +208,20 @@ def solve(
 
     def after(stage: str, estimate: Estimate, shading: Shading) -> None:
         lap.lap(stage)
+        if keep is not None:
+            keep(stage, problem, estimate, shading, lap.laps)
         if preview is not None:
             preview(stage, result(estimate, shading))
             lap.lap("preview")
 
+    first = None if begin is None else begin(problem, lap.laps)
     if preview is not None:
-        preview("fit", result(start(problem), None))
+        preview("fit", result(first.estimate if first else start(problem), None))
         lap.lap("preview")
     # Two pools of threads that both spin while waiting cost 2 to 7 times the time: the cores
     # belong to Dr.Jit.
     with threadpool_limits(1, user_api="blas"):
-        estimate, shading = run_stages(problem, after)
+        estimate, shading = run_stages(problem, after, first)
     progress("finish", 0, 1, 0.0)
     return result(estimate, shading)
 
@@ -274,6 +307,7 @@ def _result(
     zero = np.zeros((*shape, 3), dtype=np.float32)
     e_image, s_image, render = zero, zero, zero
     if shading is not None:
+        shading = copy.copy(shading)  # what the stages go on with is left as it is
         shading.points = problem.points(normals["diffuse"], normals["specular"])
         radiance = CellRadiance(shading.cells).of(light)
         shading.update(radiance, maps)
@@ -305,6 +339,12 @@ def _result(
         light=light,
         settings=as_dict(problem.settings),
         metrics=metrics,
+        fit=Fit(
+            np.asarray(head.vertices, np.float32),
+            np.asarray(capture.landmarks[:, :2], np.float32),
+            np.asarray(head.landmark_triangle, np.int32),
+            np.asarray(head.landmark_barycentric, np.float32),
+        ),
     )
 
 

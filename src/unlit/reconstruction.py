@@ -18,6 +18,21 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
+class Fit:
+    """What stage 3 holds the mesh to, kept so that a saved result can be continued.
+
+    vertices: (V, 3) float32, the head as fitted before the stages, world frame, cm.
+    landmarks: (L, 2) float32, as detected, pixels of the crop. landmark_triangle: (L,) int32,
+    landmark_barycentric: (L, 3) float32: the same points on the mesh, -1 where it has none.
+    """
+
+    vertices: np.ndarray
+    landmarks: np.ndarray
+    landmark_triangle: np.ndarray
+    landmark_barycentric: np.ndarray
+
+
+@dataclass(frozen=True)
 class Reconstruction:
     """A relightable face. Images are float32 at the crop's size S x S; world frame, cm.
 
@@ -34,6 +49,7 @@ class Reconstruction:
     regions: (S, S, 6) soft masks: skin, lips, eyes, eyebrows, mouth, background.
     light: the 648 spherical Gaussians. photo_name: the photo's file name.
     settings, metrics: plain values, as saved in reconstruction.toml and metrics.json.
+    fit: what the stages started from; None in results saved before it was kept.
     """
 
     photo_name: str
@@ -58,6 +74,7 @@ class Reconstruction:
     light: SphericalGaussians
     settings: dict[str, Any]
     metrics: dict[str, Any]
+    fit: Fit | None = None
 
     def relight(self, light: np.ndarray | SphericalGaussians) -> np.ndarray:
         """The face under another light: (S, S, 3) linear sRGB, 0 outside the mask.

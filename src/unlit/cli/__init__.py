@@ -16,10 +16,34 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from ..errors import SettingsError, UnlitError
-from . import demo, doctor, evaluate, export, models, montage, reconstruct
+from . import (
+    batch,
+    demo,
+    doctor,
+    evaluate,
+    export,
+    models,
+    montage,
+    reconstruct,
+    relight,
+    report,
+    view,
+)
 
 #: In the order of the help.
-COMMANDS = (reconstruct, demo, evaluate, montage, export, models, doctor)
+COMMANDS = (
+    reconstruct,
+    batch,
+    demo,
+    evaluate,
+    montage,
+    report,
+    view,
+    relight,
+    export,
+    models,
+    doctor,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -51,7 +75,11 @@ def _explain(error: BaseException) -> int:
         case UnlitError():
             return _fail(error, 1)
         case KeyboardInterrupt():
-            print("unlit: interrupted; nothing half-written is left, run it again", file=sys.stderr)
+            print(
+                "unlit: interrupted; nothing half-written is left, run it again "
+                "(reconstruct: with --resume to go on)",
+                file=sys.stderr,
+            )
             return 130
         case BrokenPipeError():
             _drop_output()

@@ -10,6 +10,8 @@ from .parser import command
 
 #: Kept here, too, so that the help does not wait for the renderer.
 EXPORTS = ("glb", "obj", "ply", "mitsuba", "blender")
+MAPS = ("diffuse_albedo", "specular_albedo", "roughness", "specular_normal", "diffuse_normal")
+MAPS += ("confidence",)
 
 
 def add(commands: Any) -> None:
@@ -22,16 +24,25 @@ def add(commands: Any) -> None:
         "Bake the maps of the result in DIR to the mesh's texture coordinates and write them with "
         "the mesh, light and camera (docs/outputs.md). Prints the folder written.",
         "  unlit export portrait\n"
-        "  unlit export portrait -o unreal --format glb,obj --size 2048 --directx",
+        "  unlit export portrait -o unreal --format glb,obj --size 2048 --directx\n"
+        "  unlit export portrait -o maps --only-maps diffuse_albedo,roughness --size 4096",
     )
     parser.add_argument("folder", metavar="DIR", help="a folder that `unlit reconstruct` wrote")
     parser.add_argument("-o", "--output", metavar="OUT", help="folder to write (DIR/export)")
-    parser.add_argument(
+    kinds = parser.add_mutually_exclusive_group()
+    kinds.add_argument(
         "--format",
         type=lambda text: text.split(","),
         default=list(EXPORTS),
         metavar="LIST",
         help=f"of {', '.join(EXPORTS)}, usd ({','.join(EXPORTS)})",
+    )
+    kinds.add_argument(
+        "--only-maps",
+        type=lambda text: text.split(","),
+        default=[],
+        metavar="LIST",
+        help=f"only these maps, as PNG and EXR: of {', '.join(MAPS)}",
     )
     parser.add_argument(
         "--size", type=int, default=1024, metavar="N", help="texels a side, 512 to 4096 (1024)"
@@ -47,6 +58,6 @@ def run(options: argparse.Namespace) -> int:
 
     source = Path(options.folder)
     target = Path(options.output) if options.output else source / "export"
-    size, directx, progress = options.size, options.directx, StepConsole()
-    print(export(load(source), target, source, options.format, size, directx, progress))
+    size, directx, maps = options.size, options.directx, options.only_maps
+    print(export(load(source), target, source, options.format, size, directx, StepConsole(), maps))
     return 0

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ..errors import SettingsError
 from . import models
 from .parser import command
 from .settings import add_settings, settings_of
@@ -20,56 +21,174 @@ def add(commands: Any) -> None:
         "a photo to a folder of maps, mesh and light",
         "Reconstruct the face in PHOTO (JPEG, PNG, TIFF, WebP, HEIC) into the folder DIR. While "
         "it runs, DIR/unlit-preview.png shows the state after each stage; all results come at the "
-        "end, at once. An older result in DIR is replaced.",
+        "end, at once. An older result in DIR is replaced. The state is kept in DIR after every "
+        "stage: the same command with --resume goes on after Ctrl-C, a crash or a power cut, "
+        "and gives the same bits. To go on from a saved result instead, edit its albedo maps or "
+        "its mask, and name the folder and the first stage to run again.",
         "  unlit reconstruct portrait.jpg -o portrait\n"
+        "  unlit reconstruct portrait.jpg -o portrait --resume\n"
         "  unlit reconstruct group.jpg -o second --face 1 --preset draft\n"
+        "  unlit reconstruct portrait.jpg -o bare --mask skin.png\n"
         "  unlit reconstruct portrait.jpg -o again --config portrait/reconstruction.toml \\\n"
-        "      --set stage2.iterations=500",
+        "      --set stage2.iterations=500\n"
+        "  unlit reconstruct --resume portrait --from-stage 4 -o edited",
     )
-    parser.add_argument("photo", metavar="PHOTO", help="the picture file")
-    parser.add_argument("-o", "--output", metavar="DIR", required=True, help="folder to write")
+    parser.add_argument("photo", metavar="PHOTO", nargs="?", help="the picture file")
+    parser.add_argument("-o", "--output", metavar="DIR", help="folder to write")
+    parser.add_argument(
+        "--mask",
+        metavar="FILE",
+        help="picture of the photo's size: white is face skin to use, black is to be left out",
+    )
+    parser.add_argument(
+        "--resume",
+        nargs="?",
+        const=True,
+        metavar="DIR",
+        help="go on with the unfinished run in DIR (or in that of -o), from its last whole stage",
+    )
+    parser.add_argument(
+        "--from-stage",
+        type=int,
+        choices=range(1, 6),
+        metavar="N",
+        help="run stages N to 5 again on the result in --resume DIR, with its maps, edited or not, "
+        "as the start; into DIR, or that of -o",
+    )
     add_settings(parser, "paper")
 
 
 def run(options: argparse.Namespace) -> int:
     from ..photo import read_photo
 
-    return reconstruct_into(lambda: read_photo(options.photo), options)
+    if options.from_stage is not None:
+        return _continue(options)
+    named = options.resume if isinstance(options.resume, str) else None
+    if options.photo is None and options.output is not None:
+        options.photo, named = named, None  # it was written --resume PHOTO -o DIR
+    if options.photo is None:
+        raise SettingsError("no PHOTO given; to go on from a saved result, give --from-stage N too")
+    options.output = options.output or named
+    if options.output is None:
+        raise SettingsError("no folder to write given; add -o DIR")
+    if named is not None and Path(named) != Path(options.output):
+        raise SettingsError(f"--resume {named} and -o {options.output} differ; leave one out")
+    resume = options.resume is not None
+    return reconstruct_into(lambda: read_photo(options.photo), options, options.mask, resume)
 
 
-def reconstruct_into(read: Any, options: argparse.Namespace) -> int:
-    """Read the photo, reconstruct it, save it: shared by `reconstruct` and `demo`."""
-    from ..console import RunConsole, settings_block
+def reconstruct_into(
+    read: Any, options: argparse.Namespace, mask: str | None = None, resume: bool = False
+) -> int:
+    """Read the photo, reconstruct it, save it: shared by `reconstruct` and `demo`.
+
+    mask: a picture file. resume: go on with an unfinished run.
+    """
+    from ..console import RunConsole
 
     settings = settings_of(options)
-    from ..optimize.schedule import as_dict
-    from ..output import FILES, needed_bytes, preview_png, reserve, save, write_one
+    from ..output import CHECKPOINT, FILES, needed_bytes, reserve
 
-    plain = as_dict(settings)
-    stages = {name: value["iterations"] for name, value in plain.items() if isinstance(value, dict)}
     folder = Path(options.output)
     with reserve(folder, FILES, needed_bytes(settings.resolution)) as preview:
         photo = read()
         models.fetch("reconstruct")
+        from ..optimize.checkpoint import Checkpoint
         from ..pipeline import reconstruct
 
-        with RunConsole(stages) as console:
+        checkpoint = Checkpoint(folder / CHECKPOINT, resume)
+        with RunConsole(_iterations(settings, checkpoint.stage)) as console:
             height, width = photo.pixels.shape[:2]
             console.say(f"photo     {photo.source}, {width} x {height}, {photo.colours}")
+            if mask is not None:
+                console.say(f"mask      {mask}")
             console.say(f"preset    {options.preset}")
-            for line in settings_block(plain):
-                console.say(line)
-            console.say(f"preview   {preview}")
+            if resume:
+                stage = checkpoint.stage
+                found = f"after stage {stage}" if stage else "nothing to resume, from the start"
+                console.say(f"resume    {found}")
+            _say_settings(console, settings, preview)
             result = reconstruct(
                 photo,
                 settings=settings,
                 face=options.face,
+                mask=mask,
                 progress=console,
-                preview=lambda _, state: write_one(preview, preview_png(state)),
+                preview=_shown(preview),
+                checkpoint=checkpoint,
             )
-            for name, value in result.metrics.items():
-                if isinstance(value, int | float):
-                    console.say(f"{name}  {value:.4g}")
-            save(result, folder, console.log())
+            _save(console, result, folder)
     print(folder / "montage.png")
     return 0
+
+
+def _continue(options: argparse.Namespace) -> int:
+    """Run some stages again on a saved result."""
+    from ..console import RunConsole
+
+    unused = {
+        "PHOTO": options.photo is not None,
+        "--mask": options.mask is not None,
+        "--preset": options.preset != "paper",
+        "--resolution": options.resolution is not None,
+        "--seed": options.seed is not None,
+        "--config": options.config is not None,
+        "--face": options.face != "only",
+    }
+    for name, given in unused.items():
+        if given:
+            raise SettingsError(f"{name} has no use with --from-stage; leave it out")
+    named = options.resume if isinstance(options.resume, str) else options.output
+    if named is None:
+        raise SettingsError("--from-stage: name the folder of the result, as --resume DIR")
+    from ..optimize.schedule import PRESETS, override
+    from ..output import FILES, edited, load, needed_bytes, reserve
+
+    source, stage = Path(named), options.from_stage
+    face = load(source)
+    settings = override(override(PRESETS["paper"], face.settings), dict(options.set))
+    folder = Path(options.output or named)
+    with reserve(folder, FILES, needed_bytes(settings.resolution)) as preview:
+        from ..continuation import continued, kept_fit
+
+        kept_fit(face, stage, settings)
+        face, files = edited(face, source, stage)
+        with RunConsole(_iterations(settings, stage - 1)) as console:
+            console.say(f"result    {source}, of {face.photo_name}, from stage {stage}")
+            console.say(f"edited    {', '.join(files) or 'nothing'}")
+            _say_settings(console, settings, preview)
+            result = continued(face, stage, settings, console, _shown(preview))
+            _save(console, result, folder)
+    print(folder / "montage.png")
+    return 0
+
+
+def _iterations(settings: Any, done: int) -> dict[str, int]:
+    """Iterations of the stages that are left when `done` are done."""
+    from ..optimize.schedule import TABLE_1
+
+    return {name: getattr(settings, name).iterations for name in list(TABLE_1)[done:]}
+
+
+def _say_settings(console: Any, settings: Any, preview: Path) -> None:
+    from ..console import settings_block
+    from ..optimize.schedule import as_dict
+
+    for line in settings_block(as_dict(settings)):
+        console.note(line)
+    console.say(f"preview   {preview}")
+
+
+def _shown(path: Path) -> Any:
+    from ..output import preview_png, write_one
+
+    return lambda _, state: write_one(path, preview_png(state))
+
+
+def _save(console: Any, result: Any, folder: Path) -> None:
+    from ..output import save
+
+    for name, value in result.metrics.items():
+        if isinstance(value, int | float):
+            console.say(f"{name}  {value:.4g}")
+    save(result, folder, console.log())

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 PRESETS = ("paper", "draft")
 
 
-def add_settings(parser: argparse.ArgumentParser, preset: str) -> None:
+def add_settings(parser: argparse.ArgumentParser, preset: str, every_face: bool = False) -> None:
+    """Add the options; with `every_face`, --face takes "all", too."""
     parser.add_argument(
         "--preset",
         choices=PRESETS,
@@ -41,10 +42,12 @@ def add_settings(parser: argparse.ArgumentParser, preset: str) -> None:
     )
     parser.add_argument(
         "--face",
-        type=_face,
+        type=lambda text: text if every_face and text == "all" else _face(text),
         default="only",
-        metavar="largest|N",
-        help="which face if there are several: the largest, or a number from 0, large to small",
+        metavar="largest|all|N" if every_face else "largest|N",
+        help="which face if there are several: the largest, "
+        + ("all (in folders face0, face1, ...), " if every_face else "")
+        + "or a number from 0, large to small",
     )
 
 
@@ -64,13 +67,13 @@ def settings_of(options: argparse.Namespace) -> Settings:
 
 def _config(path: Path) -> dict[str, Any]:
     """Settings of a TOML file: at its top level, or in the table `settings` of a saved result."""
-    import tomllib
+    from ..toml import read_toml
 
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
+        values = read_toml(path)
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError
+    except ValueError as error:
         raise SettingsError(f"{path}: no valid TOML ({error})") from error
     inner = values.get("settings", values)
     if not isinstance(inner, dict):

@@ -6,13 +6,12 @@ import hashlib
 import json
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.console import Console
 
 from ..console import RunConsole
@@ -23,22 +22,15 @@ from ..output.images import png
 from ..photo import Photo, read_photo
 from ..pipeline import reconstruct
 from ..reconstruction import Reconstruction
-from ..scene.light import disc, flash, uniform
+from ..relighting.lights import LIGHTS, named
 from .figure import check_sheet, result_sheet
 from .metrics import check_packages
 from .persons import consistency
-from .pictures import read_picture
 from .protocol import Light, Row, Study
 from .store import RECONSTRUCTION, Store, code, key
 from .subject_file import files_of, read_subject
 from .table import Table, markdown, page, tables
 
-#: Lights that have a name. `side` stands 60 degrees to the picture's right, a little above.
-LIGHTS: dict[str, Callable[[], np.ndarray]] = {
-    "flash": flash,
-    "uniform": uniform,
-    "side": lambda: disc((np.sin(np.pi / 3), 0.2, np.cos(np.pi / 3))),
-}
 _STAGES = (1, 2, 3, 4, 5)
 #: The inputs from which a stage is switched off.
 _ABLATION = ("flash", "uniform")
@@ -46,14 +38,12 @@ _CACHE = "steps"
 
 
 def light(name: str) -> Light:
-    """A light of LIGHTS, or a photographed one from an .hdr or .exr file. Raises SubjectError."""
-    if name in LIGHTS:
-        return Light(name, LIGHTS[name]())
-    path = Path(name)
-    if path.suffix.lower() not in (".hdr", ".exr"):
-        known = ", ".join(LIGHTS)
-        raise SubjectError(f"{name}: no such light; give {known}, or an .hdr or .exr file")
-    return Light(path.stem, np.maximum(read_picture(path), 0))
+    """A light by the name that `--lights` takes; from a file it has the file's name.
+
+    Raises SettingsError or PictureError.
+    """
+    environment = named(name)
+    return Light(name if name in LIGHTS else Path(name).stem, environment)
 
 
 class Teller:

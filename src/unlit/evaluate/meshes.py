@@ -179,12 +179,15 @@ Table = dict[str, Any]
 
 
 def _ply_ascii(body: bytes, elements: list[Any], style: str) -> dict[str, Table]:
-    rows = iter(body.decode("ascii", errors="replace").split("\n"))
+    lines = body.decode("ascii", errors="replace").split("\n")
+    if sum(count for _, count, _ in elements) > len(lines):
+        raise ValueError("cut off")
+    rows = iter(lines)
     tables: dict[str, Table] = {}
     for name, count, properties in elements:
         table: Table = {p[-1]: [] for p in properties}
         for _ in range(count):
-            words = iter(next(rows, "").split())
+            words = iter(next(rows).split())
             for p in properties:
                 if p[0] == "list":
                     size = int(next(words, "-1"))

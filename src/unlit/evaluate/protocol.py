@@ -22,16 +22,13 @@ from ..optimize.schedule import Settings, as_dict
 from ..photo import Photo
 from ..pipeline import Head, fitted_head, observe, solve
 from ..reconstruction import Reconstruction
-from ..render.reference import path_trace
-from ..scene.maps import Maps
-from ..scene.mesh import Mesh
+from ..render.relight import traced
 from .metrics import angle, best_gain, compare, psnr, surface_distance
 from .scan import Scan
 from .store import RECONSTRUCTION, RENDERING, Store, code, key
 from .subject import Subject, visible_surface
 
 _EXPOSED = 0.8
-BOUNCES = 3
 #: Points of each surface that take part in the distance of meshes.
 _POINTS = 20_000
 #: The subject's seed is 2 k, the reconstruction's 2 k + 1: their noise must not agree.
@@ -219,10 +216,7 @@ class Study:
         )
 
     def _relight(self, face: Reconstruction, environment: np.ndarray) -> np.ndarray:
-        maps = Maps(face.diffuse_albedo, face.specular_albedo, face.roughness, face.perturbation)
-        mesh = Mesh(face.vertices, face.triangles)
-        seed = 2 * self.seed + _RELIT
-        return path_trace(mesh, face.camera, maps, environment, self.samples, BOUNCES, seed)
+        return traced(face, environment, self.samples, 2 * self.seed + _RELIT)
 
 
 def _photo(shot: Shot) -> np.ndarray:

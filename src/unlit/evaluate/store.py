@@ -28,7 +28,7 @@ RENDERING = (
     "scene",
     "color.py",
     "evaluate/meshes.py",
-    "evaluate/pictures.py",
+    "pictures.py",
     "evaluate/scan.py",
     "evaluate/subject.py",
     "evaluate/subject_file.py",

@@ -6,7 +6,6 @@ The format is written out in docs/evaluation.md. Every error names the file and 
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import SubjectError
+from ..pictures import read_picture
 from ..scene.brdf import ROUGHNESS
 from ..scene.camera import Camera
+from ..toml import read_toml
 from .meshes import V_AXIS, Surface, read_mesh
-from .pictures import read_picture
 from .scan import Part, Scan, frontal, seen_by
 
 FORMAT = 1
@@ -176,10 +176,10 @@ def files_of(file: Path) -> list[Path]:
 
 def _parse(file: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
+        return read_toml(file)
     except OSError as error:
         raise SubjectError(f"{file}: cannot be read ({error.strerror})") from error
-    except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError
+    except ValueError as error:
         raise SubjectError(f"{file}: no valid TOML ({error})") from error
 
 

@@ -24,6 +24,7 @@ from scipy.spatial import KDTree
 
 from ..assets import ASSETS, asset, cache_folder
 from ..errors import ModelError
+from ..npy import DAMAGED, reason
 from ..perception.topology import LEFT_LID_GAP, RIGHT_LID_GAP
 from .basis import principal_combinations, remove_similarity, vertex_areas
 from .embedding import Embedding, eyebrow_vertices, shipped_embedding
@@ -135,8 +136,8 @@ def _build(
     try:
         with zipfile.ZipFile(wheel) as archive:
             return _Builder(_Source(archive)).model(embedding, prior)
-    except (KeyError, zipfile.BadZipFile, OSError, EOFError, ValueError) as error:
-        raise ModelError(f"{wheel}: not the MakeHuman data expected ({error})") from None
+    except (KeyError, Image.DecompressionBombError, *DAMAGED) as error:
+        raise ModelError(f"{wheel}: not the MakeHuman data expected ({reason(error)})") from None
 
 
 def _key() -> str:

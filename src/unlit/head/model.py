@@ -7,6 +7,7 @@ Nothing here knows where a model comes from: MakeHuman is one source among other
 
 from __future__ import annotations
 
+import os
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -15,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import ModelError
+from ..npy import DAMAGED, read_header, reason
 
 VERTEX_REGIONS = ("skin", "lips", "eyes", "eyebrows", "mouth", "scalp", "neck", "ears")
 LANDMARKS = 478
@@ -87,7 +89,7 @@ class HeadModel:
     def save(self, path: str | Path) -> None:
         """Write the documented .npz, replacing `path` only once it is complete."""
         path = Path(path)
-        part = path.with_name(path.name + ".part")
+        part = path.with_name(f"{path.name}.{os.getpid()}.part")  # others may build it, too
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         values |= {"format": FORMAT, "version": FORMAT_VERSION}
         try:
@@ -107,8 +109,8 @@ class HeadModel:
             arrays = _read_npz(path)
         except FileNotFoundError:
             raise ModelError(f"{path}: no such head model file") from None
-        except (OSError, ValueError, zipfile.BadZipFile, EOFError, SyntaxError) as error:
-            raise ModelError(f"{path}: not a head model file ({error})") from None
+        except (KeyError, *DAMAGED) as error:
+            raise ModelError(f"{path}: not a head model file ({reason(error)})") from None
         if str(arrays.get("format")) != FORMAT:
             raise ModelError(f"{path}: not a head model file (field 'format' is not {FORMAT!r})")
         version = arrays["version"].tolist() if "version" in arrays else None
@@ -144,10 +146,7 @@ def _read_npz(path: Path) -> dict[str, np.ndarray]:
             raise ValueError(f"larger than {MAX_FILE_BYTES >> 30} GB")
         for entry in archive.infolist():
             with archive.open(entry) as member:
-                version = np.lib.format.read_magic(member)
-                if version != (1, 0):
-                    raise ValueError(f"array {entry.filename} has an unknown header version")
-                shape, fortran, dtype = np.lib.format.read_array_header_1_0(member)
+                shape, fortran, dtype = read_header(member)
                 count = int(np.prod(shape, dtype=np.float64))
                 if dtype.hasobject or fortran or count * dtype.itemsize > entry.file_size:
                     raise ValueError(f"array {entry.filename} does not fit its header")

@@ -20,8 +20,9 @@ class Adam:
     """Named Dr.Jit parameters, each with its own rate; `step` reads their gradients.
 
     parameters: name -> array (mi.Float, mi.Vector3f, ...). rates: name -> rate; a rate of 0
-    freezes the parameter. floor: share of the rate left at the end of `iterations`. clip: bound
-    of each gradient element. uniform: names that share one second moment.
+    freezes the parameter. hold: share of `iterations` at the full rate, below 1, before it decays.
+    floor: share of the rate left at the end. clip: bound of each gradient element. uniform: names
+    that share one second moment.
     """
 
     def __init__(
@@ -29,12 +30,14 @@ class Adam:
         parameters: dict[str, Any],
         rates: dict[str, float],
         iterations: int,
+        hold: float,
         floor: float,
         clip: float,
         uniform: frozenset[str] = frozenset(),
     ) -> None:
         self.rates = {name: rate for name, rate in rates.items() if rate > 0}
-        self.iterations, self.floor, self.clip, self.uniform = iterations, floor, clip, uniform
+        self.iterations, self.hold, self.floor = iterations, hold, floor
+        self.clip, self.uniform = clip, uniform
         self.values: dict[str, Any] = {}
         self.moments = {
             name: (dr.zeros(type(p), dr.width(p)), dr.zeros(type(p), dr.width(p)))
@@ -57,7 +60,8 @@ class Adam:
     def step(self) -> None:
         """One update of every parameter that has a rate."""
         self.taken += 1
-        share = min(1.0, (self.taken - 1) / max(1, self.iterations - 1))
+        done = min(1.0, (self.taken - 1) / max(1, self.iterations - 1))
+        share = max(0.0, done - self.hold) / (1 - self.hold)
         decay = self.floor + (1 - self.floor) * 0.5 * (1 + math.cos(math.pi * share))
         correction = math.sqrt(1 - 0.999**self.taken) / (1 - 0.9**self.taken)
         changed = []

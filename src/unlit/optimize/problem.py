@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import drjit as dr
@@ -71,6 +71,20 @@ class Estimate:
     axis: Any
     log_sharpness: Any
     log_amplitude: Any
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """By name, float32: (N,) or (N, 3). `of` makes the same estimate of them."""
+        rows = {field.name: getattr(self, field.name).numpy().T for field in fields(self)}
+        return {name: np.ascontiguousarray(values) for name, values in rows.items()}
+
+    @staticmethod
+    def of(arrays: dict[str, np.ndarray]) -> Estimate:
+        """The estimate of what `arrays` gave."""
+        kinds = {"vertices": mi.Point3f, "log_diffuse": mi.Color3f}
+        kinds |= {"perturbation": mi.Vector3f, "axis": mi.Vector3f}
+        return Estimate(
+            **{name: device(kinds.get(name, mi.Float), rows) for name, rows in arrays.items()}
+        )
 
     def light(self) -> SphericalGaussians:
         """The lobes as NumPy arrays."""
@@ -162,6 +176,11 @@ class Problem:
         now = triangle[self.pixel]
         now = np.where(now < 0, self.hits.triangle.numpy(), now).astype(np.uint32)
         self.hits = Hits(self.hits.pixel, device(mi.UInt32, now))
+
+    def place(self, vertices: Any, triangle: np.ndarray) -> None:
+        """Put the mesh where `move` left it, when the pixels saw the triangles (P,)."""
+        self.mesh.set_vertices(vertices)
+        self.hits = Hits(self.hits.pixel, device(mi.UInt32, triangle))
 
     def points(self, diffuse_normal: Any = None, specular_normal: Any = None) -> Points:
         """Shading points of the P pixels on the mesh as it is, with other normals if given."""

@@ -64,7 +64,9 @@ class Settings:
     #: Kept with the result; nothing is drawn at random so far, so it changes nothing.
     seed: int = 0
 
-    #: Learning rates fall to this share of their start by the end of each stage (cosine curve).
+    #: Share of each stage at the full learning rates (in the paper they are constant), below 1, and
+    #: share of them that is left at the stage's end, reached on a cosine curve.
+    rate_hold: float = 0.5
     rate_floor: float = 0.02
     #: Every element of every gradient is clipped to [-clip, clip] (paper, section 4).
     clip: float = 1.0
@@ -86,7 +88,7 @@ class Settings:
     #: no skin returns more light than falls on it.
     max_diffuse: float = 1.0
     #: Error of the shading E that the model is believed to make, where full light is E = 1. The
-    #: albedo maps trust a pixel by E / (E + shading_error): what is seen in the shadows says
+    #: albedo maps trust a pixel by (E / (E + shading_error))^2: what is seen in the shadows says
     #: little about albedo.
     shading_error: float = 0.2
     #: Factors on Table 1's weights of smoothness (at 512 pixels; in proportion at others) and of
@@ -94,6 +96,8 @@ class Settings:
     diffuse_smoothness_scale: float = 6.0
     specular_smoothness_scale: float = 2.0
     normal_scale: float = 30.0
+    #: Further factor on the smoothness of stage 5, which is to bring back the finest detail.
+    detail_smoothness: float = 0.4
 
     #: Pixels, evenly spread, from which the light's gradient is taken.
     light_points: int = 4000
@@ -162,6 +166,8 @@ def override(settings: Settings, changes: dict[str, Any]) -> Settings:
     for name in ("light_points", "refresh_interval"):
         if getattr(settings, name) < 1:
             raise SettingsError(f"{name}={getattr(settings, name)}: must be 1 or more")
+    if not 0 <= settings.rate_hold < 1:
+        raise SettingsError(f"rate_hold={settings.rate_hold}: must be at least 0 and below 1")
     for name, stage in zip(TABLE_1, settings.stages(), strict=True):
         if stage.iterations < 0:
             raise SettingsError(f"{name}.iterations={stage.iterations}: must be 0 or more")
@@ -191,7 +197,7 @@ def _set(target: Any, path: list[str], value: Any, full: str) -> Any:
         return replace(
             target, **{path[0]: kind(float(value)) if kind in (int, float) else kind(value)}
         )
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise SettingsError(f"{full}={value!r}: expected {kind.__name__}") from None
 
 

@@ -8,7 +8,7 @@ the order of the paper's equations; the weights and rates are the columns of Tab
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -95,6 +95,7 @@ class _Run:
             parameters,
             rates,
             self.stage.iterations,
+            self.settings.rate_hold,
             self.settings.rate_floor,
             self.settings.clip,
             uniform,
@@ -135,7 +136,8 @@ def _smoothness(stage: Stage, problem: Problem, log_diffuse: Any, log_specular: 
     """Smoothness of both albedo maps per texel (section 3.2), the same at every resolution."""
     settings = problem.settings
     # The difference of neighbours falls as 1 / resolution.
-    unit = dr.opaque(mi.Float, problem.camera.width / 512)
+    scale = settings.detail_smoothness if stage is settings.stage5 else 1.0
+    unit = dr.opaque(mi.Float, scale * problem.camera.width / 512)
     seen = encode(dr.exp(log_diffuse))
     diffuse = stage.diffuse_smoothness * total_variation(seen, problem.neighbours)
     specular = stage.specular_smoothness * total_variation(log_specular, problem.neighbours)
@@ -225,9 +227,9 @@ def _map_loss(problem: Problem, stage: Stage, adam: Adam, e: Any, s: Any, weight
 
 
 def _trusted(problem: Problem, e: Any) -> Any:
-    """Weight of each pixel's evidence on the maps, sum 1: its own times E / (E + error)."""
+    """Weight of each pixel's evidence on the maps, sum 1: its own times (E / (E + error))^2."""
     level = dr.mean(dr.detach(e))
-    weight = problem.weight * level / (level + problem.settings.shading_error)
+    weight = problem.weight * dr.square(level / (level + problem.settings.shading_error))
     weight /= dr.sum(weight)
     dr.eval(weight)
     return weight
@@ -433,27 +435,61 @@ class Landmarks:
         return landmark_l2(projected, self.detected, self.weight, self.width)
 
 
+@dataclass(frozen=True)
+class Begin:
+    """What `run_stages` begins with: the first `done` stages have left this behind.
+
+    cells: of the light; without them the regular grid is refined for the estimate's. normals:
+    diffuse and specular (mi.Vector3f, P), as the shading last had them; without them the mesh's.
+    """
+
+    done: int
+    estimate: Estimate
+    cells: Cells | None = None
+    normals: tuple[Any, Any] = (None, None)
+
+
 def run_stages(
-    problem: Problem, after: Callable[[str, Estimate, Shading], None]
+    problem: Problem,
+    after: Callable[[str, Estimate, Shading], None],
+    begin: Begin | None = None,
 ) -> tuple[Estimate, Shading]:
-    """The whole schedule. `after` is called with (stage name, estimate, shading) at each end."""
+    """The schedule, or what `begin` leaves of it; the problem's mesh is where `begin` has it.
+
+    `after` is called with (stage name, estimate, shading) at the end of each stage. What one
+    stage hands to the next goes through NumPy arrays, also when none of it is saved: so a run
+    that is resumed from a file cannot differ from one that was never interrupted.
+    """
     settings = problem.settings
-    estimate = start(problem)
+    begin = begin or Begin(0, start(problem))
+    done, estimate = begin.done, begin.estimate
     cells = grid_cells(settings.cell_rows, settings.cell_columns)
-    shading = Shading(problem, cells)
-    estimate = exposed(problem, stage1(problem, estimate, shading), shading)
-    after("stage1", estimate, shading)
-    cells = refine(cells, estimate.light().rasterize(), limit=settings.max_cells)
-    shading = Shading(problem, cells)
-    estimate = exposed(problem, stage2(problem, estimate, shading), shading)
-    after("stage2", estimate, shading)
-    estimate, shading = stage3(problem, estimate, cells)
-    estimate = exposed(problem, estimate, shading)
-    after("stage3", estimate, shading)
-    estimate = stage4(problem, estimate, shading)
-    after("stage4", estimate, shading)
-    estimate = exposed(problem, stage5(problem, estimate, shading), shading)
-    after("stage5", estimate, shading)
+
+    def ended(name: str, estimate: Estimate, shading: Shading) -> Estimate:
+        estimate = Estimate.of(estimate.arrays())
+        after(name, estimate, shading)
+        return estimate
+
+    if done < 1:
+        shading = Shading(problem, cells)
+        estimate = exposed(problem, stage1(problem, estimate, shading), shading)
+        estimate = ended("stage1", estimate, shading)
+    cells = begin.cells or refine(cells, estimate.light().rasterize(), limit=settings.max_cells)
+    if done < 2:
+        shading = Shading(problem, cells)
+        estimate = exposed(problem, stage2(problem, estimate, shading), shading)
+        estimate = ended("stage2", estimate, shading)
+    if done < 3:
+        estimate, shading = stage3(problem, estimate, cells)
+        estimate = ended("stage3", exposed(problem, estimate, shading), shading)
+    else:
+        shading = Shading(problem, cells)
+        shading.points = problem.points(*begin.normals)
+    if done < 4:
+        estimate = ended("stage4", stage4(problem, estimate, shading), shading)
+    if done < 5:
+        estimate = exposed(problem, stage5(problem, estimate, shading), shading)
+        estimate = ended("stage5", estimate, shading)
     return estimate, shading
 
 

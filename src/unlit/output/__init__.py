@@ -1,14 +1,17 @@
 """The folder of results: written whole or not at all, loaded again to the bit."""
 
+from .edits import edited
 from .export import FORMATS, export
-from .folder import reserve, write_one
+from .folder import CHECKPOINT, reserve, write_one
 from .load import load
 from .montage import montage, montage_png, preview_png
 from .save import FILES, needed_bytes, save
 
 __all__ = [
+    "CHECKPOINT",
     "FILES",
     "FORMATS",
+    "edited",
     "export",
     "load",
     "montage",

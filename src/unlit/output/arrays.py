@@ -1,39 +1,44 @@
-"""reconstruction.npz: every array of a reconstruction, each checked before it is read.
+"""Arrays in .npz files, each checked before it is read; reconstruction.npz is one of them.
 
-An array's type and size are read from its header and held against the table below before any
-memory is taken for it; nothing is ever unpickled.
+An array's type and size are read from its header and held against a table before any memory is
+taken for it; nothing is ever unpickled.
 """
 
 from __future__ import annotations
 
 import zipfile
-import zlib
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 
 from ..errors import OutputError
-from ..reconstruction import Reconstruction
+from ..npy import DAMAGED, read_header, reason
+from ..reconstruction import Fit, Reconstruction
 
 
 @dataclass(frozen=True)
-class _Kind:
+class Kind:
+    """Shape and type that an array must have; letters stand for sizes that arrays share."""
+
     shape: tuple[str | int, ...]
     dtype: str = "<f4"
 
 
-#: Greatest sizes that are read: pixels a side, vertices, triangles, texture coordinates, lobes.
+#: Greatest sizes that are read: pixels a side, vertices, triangles, texture coordinates, lobes,
+#: landmarks, pixels of a mask, cells of a light, bytes of text.
 _LIMITS = {"S": 4096, "V": 4_000_000, "F": 8_000_000, "T": 8_000_000, "K": 100_000}
+_LIMITS |= {"L": 100_000, "P": 4096**2, "D": 1_000_000, "B": 16 << 20}
 
-_COLOUR, _SCALAR = _Kind(("S", "S", 3)), _Kind(("S", "S"))
+_COLOUR, _SCALAR = Kind(("S", "S", 3)), Kind(("S", "S"))
 _KINDS = {
     "image": _COLOUR,
-    "vertices": _Kind(("V", 3)),
-    "triangles": _Kind(("F", 3), "<i4"),
-    "uv": _Kind(("T", 2)),
-    "triangle_uv": _Kind(("F", 3), "<i4"),
+    "vertices": Kind(("V", 3)),
+    "triangles": Kind(("F", 3), "<i4"),
+    "uv": Kind(("T", 2)),
+    "triangle_uv": Kind(("F", 3), "<i4"),
     "diffuse_albedo": _COLOUR,
     "specular_albedo": _SCALAR,
     "roughness": _SCALAR,
@@ -44,70 +49,100 @@ _KINDS = {
     "specular_shading": _COLOUR,
     "render": _COLOUR,
     "mask": _SCALAR,
-    "regions": _Kind(("S", "S", 6)),
-    "light_axis": _Kind(("K", 3)),
-    "light_sharpness": _Kind(("K",)),
-    "light_amplitude": _Kind(("K",)),
+    "regions": Kind(("S", "S", 6)),
+    "light_axis": Kind(("K", 3)),
+    "light_sharpness": Kind(("K",)),
+    "light_amplitude": Kind(("K",)),
 }
-_INDEXED = {"triangles": "V", "triangle_uv": "T"}
-_DAMAGED = (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, NotImplementedError)
+#: Of `Reconstruction.fit`, which older results do not have.
+_FIT_KINDS = {
+    "fit_vertices": Kind(("V", 3)),
+    "fit_landmarks": Kind(("L", 2)),
+    "fit_landmark_triangle": Kind(("L",), "<i4"),
+    "fit_landmark_barycentric": Kind(("L", 3)),
+}
+_INDEXED = {"triangles": "V", "triangle_uv": "T", "fit_landmark_triangle": "F"}
+#: Where a triangle of -1 says that the mesh has no such landmark.
+_LOWEST = {"fit_landmark_triangle": -1}
+_AGAIN = "reconstruct the photo again"
 
 
 def write_arrays(reconstruction: Reconstruction, path: Path) -> None:
     """Write the arrays of `reconstruction`, not compressed: floats of a photo hardly shrink."""
+    kinds = _KINDS if reconstruction.fit is None else _KINDS | _FIT_KINDS
     arrays = {
         name: np.asarray(_attribute(reconstruction, name), dtype=kind.dtype)
-        for name, kind in _KINDS.items()
+        for name, kind in kinds.items()
     }
     np.savez(path, allow_pickle=False, **arrays)
 
 
 def _attribute(reconstruction: Reconstruction, name: str) -> np.ndarray:
-    if name.startswith("light_"):
-        return getattr(reconstruction.light, name.removeprefix("light_"))
+    part, _, field = name.partition("_")
+    if part in ("light", "fit"):
+        return getattr(getattr(reconstruction, part), field)
     return getattr(reconstruction, name)
 
 
-def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """The arrays by name. Raises OutputError that names the file and the array."""
+def read_arrays(path: Path) -> dict[str, Any]:
+    """The arrays by name, and `fit` or None. Raises OutputError that names file and array."""
+    found, sizes = read_checked(path, _KINDS | _FIT_KINDS, remedy=_AGAIN, optional=_FIT_KINDS)
+    for name, size in _INDEXED.items():
+        if name in found:
+            check_indices(path, name, found[name], sizes[size], _LOWEST.get(name, 0))
+    fit = {name.removeprefix("fit_"): found.pop(name) for name in _FIT_KINDS if name in found}
+    return {**found, "fit": Fit(**fit) if len(fit) == len(_FIT_KINDS) else None}
+
+
+def check_indices(path: Path, name: str, index: np.ndarray, size: int, low: int = 0) -> None:
+    """Raise OutputError where `index` is not in [low, size)."""
+    if index.size and (index.min() < low or index.max() >= size):
+        raise OutputError(f"{path}: {name} points outside {low} to {size - 1}")
+
+
+def read_checked(
+    path: Path,
+    kinds: Mapping[str, Kind],
+    sizes: Mapping[str, int] | None = None,
+    *,
+    remedy: str,
+    optional: Collection[str] = (),
+) -> tuple[dict[str, np.ndarray], dict[str, int]]:
+    """The arrays that `kinds` names, and what the letters of their shapes stand for.
+
+    sizes: letters that are known already. remedy: what to do about a broken file. optional: names
+    that may be missing. Raises OutputError that names the file and the array.
+    """
     found: dict[str, np.ndarray] = {}
-    sizes: dict[str, int] = {}
+    known = dict(sizes or {})
     name = "the file"
     try:
         with zipfile.ZipFile(path) as archive:
-            for name, kind in _KINDS.items():
+            members = set(archive.namelist())
+            for name, kind in kinds.items():
+                if name in optional and f"{name}.npy" not in members:
+                    continue
                 with archive.open(f"{name}.npy") as member:
-                    shape = _check_header(member, path, name, kind, sizes)
+                    shape = _check_header(member, path, name, kind, known)
                 with archive.open(f"{name}.npy") as member:
                     found[name] = np.lib.format.read_array(member, allow_pickle=False)
                 if found[name].shape != shape:
                     raise ValueError("it changed while it was read")
     except KeyError as error:
-        raise OutputError(f"{path}: {name} is missing; reconstruct the photo again") from error
+        raise OutputError(f"{path}: {name} is missing; {remedy}") from error
     except FileNotFoundError as error:
-        raise OutputError(f"{path}: no such file; reconstruct the photo again") from error
-    except _DAMAGED as error:
-        raise OutputError(
-            f"{path}: {name} is damaged or cut off ({error}); reconstruct the photo again"
-        ) from error
-    for name, size in _INDEXED.items():
-        index = found[name]
-        if index.size and (index.min() < 0 or index.max() >= sizes[size]):
-            raise OutputError(f"{path}: {name} points outside 0 to {sizes[size] - 1}")
-    return found
+        raise OutputError(f"{path}: no such file; {remedy}") from error
+    except DAMAGED as error:
+        what = f"{name} is damaged or cut off ({reason(error)})"
+        raise OutputError(f"{path}: {what}; {remedy}") from error
+    return found, known
 
 
 def _check_header(
-    member: IO[bytes], path: Path, name: str, kind: _Kind, sizes: dict[str, int]
+    member: IO[bytes], path: Path, name: str, kind: Kind, sizes: dict[str, int]
 ) -> tuple[int, ...]:
     """Shape of the array in `member`; `sizes` collects what the letters of the table stand for."""
-    read = {
-        (1, 0): np.lib.format.read_array_header_1_0,
-        (2, 0): np.lib.format.read_array_header_2_0,
-    }.get(np.lib.format.read_magic(member))
-    if read is None:
-        raise ValueError("its version is not known")
-    shape, _, dtype = read(member)
+    shape, _, dtype = read_header(member)
     if dtype != np.dtype(kind.dtype):
         raise OutputError(f"{path}: {name} has type {dtype}, expected {np.dtype(kind.dtype)}")
     wanted = " x ".join(str(size) for size in kind.shape)

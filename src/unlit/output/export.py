@@ -18,7 +18,7 @@ from ..reconstruction import Reconstruction
 from .folder import write_all
 from .geometry import mtl, obj, ply
 from .images import exr, png
-from .textures import EXRS, PNGS
+from .textures import EXRS, MAP_FILES, PNGS
 
 if TYPE_CHECKING:
     from .atlas import Atlas
@@ -53,6 +53,7 @@ def export(
     size: int = DEFAULT_SIZE,
     directx: bool = False,
     progress: Progress = lambda what, done, total: None,
+    only_maps: Collection[str] = (),
 ) -> Path:
     """Write `formats` (keys of FORMATS) into `folder`, all or nothing; returns the folder.
 
@@ -60,14 +61,16 @@ def export(
 
     source: the folder that `reconstruction` was loaded from, which scene_unlit.xml refers to.
     size: texels a side of the atlas, 512 to 4096. directx: y of the PNG normal maps points down.
-    progress: called with (what is done now, steps done, steps in all).
+    progress: called with (what is done now, steps done, steps in all). only_maps: keys of
+    MAP_FILES; if there are any, these maps of the atlas are written, and no format.
     Raises SettingsError or OutputError.
     """
     folder = Path(folder)
-    unknown = set(formats) - FORMATS.keys()
-    if unknown or not formats:
+    chosen, known = (only_maps, MAP_FILES) if only_maps else (formats, FORMATS)
+    unknown = set(chosen) - known.keys()
+    if unknown or not chosen:
         raise SettingsError(
-            f"{', '.join(sorted(unknown)) or 'no format'}: choose from {', '.join(FORMATS)}"
+            f"{', '.join(sorted(unknown)) or 'no format'}: choose from {', '.join(known)}"
         )
     if not SMALLEST <= size <= LARGEST:
         raise SettingsError(f"size {size}: choose {SMALLEST} to {LARGEST} texels")
@@ -78,13 +81,18 @@ def export(
     back = _way(folder.resolve(), Path(source).resolve())
     job = Job(reconstruction, atlas, directx, back)
     writers: Writers = {}
-    for name in formats:
-        writers |= FORMATS[name](job)
+    if only_maps:
+        files = {file for name in only_maps for file in MAP_FILES[name]}
+        every = atlas_pngs(atlas, directx) | _exrs(job)
+        writers = {file: every[file] for file in every if file in files}
+    else:
+        for name in formats:
+            writers |= FORMATS[name](job)
     table = {
         "unlit": version("unlit"),
         "photo": reconstruction.photo_name,
         "source": back,
-        "formats": sorted(formats),
+        "formats": [] if only_maps else sorted(formats),
         "size": size,
         "normals": "y down (DirectX) in PNG" if directx else "y up (OpenGL)",
         "files": sorted([*writers, MARK]),

@@ -3,8 +3,9 @@
 All files are first written into a hidden folder inside the target, then moved into place. The
 moves take no room and about a millisecond, and signals wait until they are done. `MARK`, the file
 without which a folder is no result, is removed first and moved last: should the machine stop in
-between, the folder says that it is not whole. Staging inside the target, not beside it, also
-works where the target is a mounted volume or the current folder, or its parent is read-only.
+between, the folder says that it is not whole, and by a hidden file that what is there is ours.
+Staging inside the target, not beside it, also works where the target is a mounted volume or the
+current folder, or its parent is read-only.
 """
 
 from __future__ import annotations
@@ -26,8 +27,11 @@ MARK = "reconstruction.toml"
 MARK_TEXT = "# unlit reconstruction"
 #: What a running reconstruction shows of itself, in the target folder.
 PREVIEW = "unlit-preview.png"
+#: What it can be resumed from, removed when the result is in place.
+CHECKPOINT = ".unlit-checkpoint.npz"
 
 _STAGING = ".unlit-"
+_MOVING = ".unlit-moving"
 _STALE_SECONDS = 3600
 _REMEDIES = {
     errno.ENOSPC: "the disk is full; free some room and try again",
@@ -88,12 +92,24 @@ def write_all(
             for file, write in writers.items():
                 write(staging / file)
             with _signals_wait():
+                (folder / _MOVING).touch()
                 (folder / mark).unlink(missing_ok=True)
                 for file in set(obsolete) - writers.keys():
                     if (folder / file).is_file():
                         (folder / file).unlink()
                 for file in sorted(writers, key=lambda file: file == mark):
                     (staging / file).replace(folder / file)
+                (folder / _MOVING).unlink()
+
+
+def ensure_writable(path: Path) -> None:
+    """Make sure, before minutes of work: `path` can be written. Raises OutputError."""
+    if not path.parent.is_dir():
+        raise OutputError(f"{path.parent}: no such folder; make it, or choose another")
+    if path.is_dir():
+        raise OutputError(f"{path}: a folder; give the name of a file")
+    with _explained(path.parent):
+        _staging(path.parent).cleanup()
 
 
 def write_one(path: Path, content: bytes) -> None:
@@ -131,6 +147,8 @@ def _refuse_foreign(
     folder: Path, names: Collection[str], mark: str = MARK, mark_text: str = MARK_TEXT
 ) -> None:
     """A file of ours is replaced without asking, somebody else's of the same name is not."""
+    if (folder / _MOVING).exists():
+        return
     try:
         with (folder / mark).open("rb") as file:
             if file.read(len(mark_text)) == mark_text.encode():

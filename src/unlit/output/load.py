@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from ..photo import Crop
 from ..reconstruction import Reconstruction
 from ..scene.camera import Camera
 from ..scene.light import SphericalGaussians
+from ..toml import read_toml
 from .arrays import read_arrays
 from .folder import MARK
 from .save import FORMAT
@@ -99,8 +99,10 @@ class _Fields:
 
 def _toml(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(_text(path))
-    except tomllib.TOMLDecodeError as error:
+        return read_toml(path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read ({error.strerror})") from error
+    except ValueError as error:
         raise OutputError(
             f"{path}: no valid TOML ({error}); reconstruct the photo again"
         ) from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Callable
 from importlib.metadata import version
@@ -14,7 +15,7 @@ import tomli_w
 from ..reconstruction import Reconstruction
 from .arrays import write_arrays
 from .export import atlas_pngs
-from .folder import MARK, MARK_TEXT, write_all
+from .folder import CHECKPOINT, MARK, MARK_TEXT, write_all
 from .geometry import mtl, obj, ply
 from .images import MAPS, exr, png
 from .montage import montage_png
@@ -54,14 +55,15 @@ FILES = {
 
 
 def needed_bytes(resolution: int) -> int:
-    """Room that a result of `resolution` pixels a side takes on disk, with some to spare."""
+    """Room that a result of `resolution` pixels a side and its checkpoint take, and to spare."""
     return 300 * resolution**2 + (28 << 20)
 
 
 def save(reconstruction: Reconstruction, folder: str | Path, log: str = "") -> None:
     """Write all files of `reconstruction` into `folder`, or none; an older result is replaced.
 
-    log: what the run said, kept as reconstruction.log. Files of other names in the folder stay.
+    log: what the run said, kept as reconstruction.log. A run's checkpoint in the folder is removed;
+    files of other names stay.
     Raises OutputError if the folder cannot be written, or holds somebody else's file under one of
     the names to be written.
     """
@@ -91,6 +93,8 @@ def save(reconstruction: Reconstruction, folder: str | Path, log: str = "") -> N
     }
     assert writers.keys() == FILES.keys()
     write_all(Path(folder), writers)
+    with contextlib.suppress(OSError):
+        (Path(folder) / CHECKPOINT).unlink(missing_ok=True)
 
 
 def _exr(image: np.ndarray) -> Callable[[Path], object]:

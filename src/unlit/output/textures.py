@@ -60,3 +60,12 @@ EXRS: dict[str, Callable[[Atlas], np.ndarray]] = {
     "atlas_specular_normal.exr": lambda atlas: 0.5 + 0.5 * atlas.specular_normal,
     "atlas_diffuse_normal.exr": lambda atlas: 0.5 + 0.5 * atlas.diffuse_normal,
 }
+
+
+def _map(file: str) -> str:
+    """Name of the map that an atlas file holds."""
+    return file.partition(".")[0].removeprefix("atlas_").removeprefix("perceptual_")
+
+
+#: By name of a map: its files.
+MAP_FILES = {_map(name): [f for f in (*PNGS, *EXRS) if _map(f) == _map(name)] for name in PNGS}

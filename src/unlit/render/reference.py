@@ -8,6 +8,7 @@ projected from the crop.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import drjit as dr
@@ -22,6 +23,13 @@ from ..scene.mesh import Mesh
 mi = mitsuba()
 
 PLUGIN = "unlit_face"
+
+#: Called with (passes done, passes in all).
+Progress = Callable[[int, int], None]
+
+
+def silent(done: int, total: int) -> None:
+    """Progress that is not told."""
 
 
 class FaceBSDF(mi.BSDF):
@@ -151,6 +159,7 @@ def path_trace(
     bounces: int = 1,
     seed: int = 0,
     others: dict[str, Any] | None = None,
+    progress: Progress = silent,
 ) -> np.ndarray:
     """Render the face by path tracing; returns (height, width, 3) float32 linear radiance.
 
@@ -161,7 +170,8 @@ def path_trace(
     face = mi.load_dict({"type": PLUGIN})
     face.set_maps(camera, maps)
     body = mesh_body("face", face, mesh.vertices, mesh.normals, mesh.triangles)
-    return trace({"face": body, **(others or {})}, camera, environment, samples, bounces, seed)
+    objects = {"face": body, **(others or {})}
+    return trace(objects, camera, environment, samples, bounces, seed, progress)
 
 
 def trace(
@@ -171,6 +181,7 @@ def trace(
     samples: int,
     bounces: int,
     seed: int,
+    progress: Progress = silent,
 ) -> np.ndarray:
     """Render `objects` (of a Mitsuba scene dictionary) as `path_trace` does the face."""
     light = {"type": "envmap", "bitmap": mitsuba_environment(environment)}
@@ -182,6 +193,7 @@ def trace(
     # Passes bound the wavefront's memory and let a progress display breathe.
     passes = max(1, samples * camera.width * camera.height // 2**23)
     for k in range(passes):
+        progress(k, passes)
         view = camera.mitsuba_sensor(-(-samples // passes))
         # A quarter of the variance of independent samples under an even light.
         view["sampler"]["type"] = "multijitter"

@@ -7,6 +7,7 @@ small or steep, `refine` splits its cells, so that hard shadows come out at the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -57,34 +58,16 @@ class Cells:
         return self.moment / np.linalg.norm(self.moment, axis=1, keepdims=True)
 
     def average(self, environment: np.ndarray) -> np.ndarray:
-        """Mean radiance (D, ...) over each cell of a latitude-longitude map (H, W, ...).
+        """Mean radiance (D, ...) over each cell of a latitude-longitude map (H, W, ...)."""
+        return Flux(environment).mean(self)
 
-        The map is taken as constant per pixel; cell edges may fall inside pixels.
-        """
-        height, width = environment.shape[:2]
-        omega = latlong_solid_angles(height, width)
-        flux = environment * omega.reshape(height, width, *([1] * (environment.ndim - 2)))
-        # Summed-area table over (cos theta, phi), linear inside a pixel, hence exact.
-        table = np.zeros((height + 1, width + 1, *environment.shape[2:]))
-        table[1:, 1:] = flux.cumsum(axis=0, dtype=np.float64).cumsum(axis=1)
-        heights = np.cos(np.arange(height + 1) * (np.pi / height))
+    def turned(self, azimuth: float) -> Cells:
+        """The cells moved by `azimuth`, radians, towards larger phi; edges may pass 2 pi."""
+        return Cells(self.theta, self.phi + azimuth)
 
-        def at(theta: np.ndarray, phi: np.ndarray) -> np.ndarray:
-            row = np.clip((theta * (height / np.pi)).astype(int), 0, height - 1)
-            fr = (heights[row] - np.cos(theta)) / (heights[row] - heights[row + 1])
-            column = np.clip((phi * (width / (2 * np.pi))).astype(int), 0, width - 1)
-            fc = phi * (width / (2 * np.pi)) - column
-            shape = (-1, *([1] * (environment.ndim - 2)))
-            fr, fc = fr.reshape(shape), fc.reshape(shape)
-            top = table[row, column] * (1 - fc) + table[row, column + 1] * fc
-            bottom = table[row + 1, column] * (1 - fc) + table[row + 1, column + 1] * fc
-            return top * (1 - fr) + bottom * fr
-
-        (t0, t1), (p0, p1) = self.theta.T, self.phi.T
-        total = at(t1, p1) - at(t0, p1) - at(t1, p0) + at(t0, p0)
-        shape = (-1, *([1] * (environment.ndim - 2)))
-        # Differences of sums: rounding may leave less than nothing where there is no light.
-        return np.maximum(total / self.solid_angle.reshape(shape), 0).astype(np.float32)
+    def some(self, which: np.ndarray) -> Cells:
+        """The cells at `which`, indices or (D,) bool."""
+        return Cells(self.theta[which], self.phi[which])
 
     def split(self, which: np.ndarray) -> Cells:
         """Cells with those marked in `which` (D,) bool cut in four, appended at the end."""
@@ -98,6 +81,53 @@ class Cells:
         return Cells(np.concatenate(theta), np.concatenate(phi))
 
 
+class Flux:
+    """Integrals of a latitude-longitude map (H, W, ...) over cells, however they are turned.
+
+    The map is taken as constant per pixel; cell edges may fall inside pixels.
+    """
+
+    def __init__(self, environment: np.ndarray) -> None:
+        height, width = environment.shape[:2]
+        omega = latlong_solid_angles(height, width)
+        flux = environment * omega.reshape(height, width, *([1] * (environment.ndim - 2)))
+        # Summed-area table over (cos theta, phi), linear inside a pixel, hence exact.
+        self._table = np.zeros((height + 1, width + 1, *environment.shape[2:]))
+        self._table[1:, 1:] = flux.cumsum(axis=0, dtype=np.float64).cumsum(axis=1)
+        self._heights = np.cos(np.arange(height + 1) * (np.pi / height))
+
+    @property
+    def total(self) -> np.ndarray:
+        """Integral over the sphere (...)."""
+        return self._table[-1, -1]
+
+    def mean(self, cells: Cells) -> np.ndarray:
+        """Mean radiance (D, ...) over each of `cells`, float32."""
+        (t0, t1), (p0, p1) = cells.theta.T, cells.phi.T
+        total = self._at(t1, p1) - self._at(t0, p1) - self._at(t1, p0) + self._at(t0, p0)
+        shape = (-1, *([1] * (total.ndim - 1)))
+        # Differences of sums: rounding may leave less than nothing where there is no light.
+        return np.maximum(total / cells.solid_angle.reshape(shape), 0).astype(np.float32)
+
+    def _at(self, theta: np.ndarray, phi: np.ndarray) -> np.ndarray:
+        """Integral (D, ...) over [0, theta] x [0, phi]; phi beyond 2 pi counts whole turns."""
+        table = self._table
+        height, width = table.shape[0] - 1, table.shape[1] - 1
+        row = np.clip((theta * (height / np.pi)).astype(int), 0, height - 1)
+        place = phi * (width / (2 * np.pi))
+        column = np.floor(place).astype(int)
+        turns, inside = np.divmod(column, width)
+        shape = (-1, *([1] * (table.ndim - 2)))
+        fr = (self._heights[row] - np.cos(theta)) / (self._heights[row] - self._heights[row + 1])
+        fr, fc, whole = (x.reshape(shape) for x in (fr, place - column, turns))
+
+        def along(row: np.ndarray) -> np.ndarray:
+            part = table[row, inside] * (1 - fc) + table[row, inside + 1] * fc
+            return part + whole * table[row, width]
+
+        return along(row) * (1 - fr) + along(row + 1) * fr
+
+
 def grid_cells(rows: int = 18, columns: int = 36) -> Cells:
     """Regular latitude-longitude cells, row by row from the pole +y; 648 by default."""
     theta = np.linspace(0, np.pi, rows + 1)
@@ -106,27 +136,37 @@ def grid_cells(rows: int = 18, columns: int = 36) -> Cells:
     return Cells(np.stack([theta[i], theta[i + 1]], axis=1), np.stack([phi[j], phi[j + 1]], axis=1))
 
 
-def refine(cells: Cells, environment: np.ndarray, share: float = 0.001, limit: int = 2500) -> Cells:
+def refine(
+    cells: Cells,
+    environment: np.ndarray,
+    share: float = 0.001,
+    limit: int = 2500,
+    azimuths: Sequence[float] = (0.0,),
+) -> Cells:
     """Split the cells across which the light varies most, for the light `environment` (H, W[, 3]).
 
     A cell is split while the flux of its quarters differs by over `share` of the light's whole
     flux, or it holds over 10 `share` by itself; no finer than the map's pixels, and not beyond
-    `limit` cells (the most uneven go first).
+    `limit` cells (the most uneven go first). azimuths: radians; cells that serve the light seen
+    through the cells turned by any of them.
     """
     if environment.ndim == 3:
         environment = environment.mean(axis=2)
-    total = float((environment * latlong_solid_angles(*environment.shape)).sum())
+    light = Flux(environment)
     pixel = np.pi / environment.shape[0]
     while True:
         quarters = cells.split(np.ones(len(cells), dtype=bool))
-        flux = (quarters.average(environment) * quarters.solid_angle).reshape(4, -1)
-        uneven = np.abs(flux - flux.mean(axis=0)).sum(axis=0)
-        score = np.maximum(uneven, 0.1 * flux.sum(axis=0))
+        score = np.zeros(len(cells))
+        for azimuth in azimuths:
+            flux = light.mean(quarters.turned(azimuth)) * quarters.solid_angle
+            flux = flux.reshape(4, -1)
+            uneven = np.abs(flux - flux.mean(axis=0)).sum(axis=0)
+            score = np.maximum(score, np.maximum(uneven, 0.1 * flux.sum(axis=0)))
         score[np.diff(cells.theta, axis=1)[:, 0] < 0.75 * pixel] = 0
         room = (limit - len(cells)) // 3
         which = np.zeros(len(cells), dtype=bool)
         which[np.argsort(-score, kind="stable")[: max(room, 0)]] = True
-        which &= score > share * total
+        which &= score > share * float(light.total)
         if not which.any():
             return cells
         cells = cells.split(which)

@@ -11,7 +11,7 @@ import pytest
 from test_table import RESULT
 
 from unlit import cli
-from unlit.errors import SubjectError
+from unlit.errors import PictureError
 from unlit.evaluate import command
 from unlit.evaluate.table import tables
 from unlit.output.images import exr
@@ -20,7 +20,7 @@ from unlit.scene.light import RASTER
 
 @pytest.fixture(autouse=True)
 def no_fetching(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cli, "_fetch_models", lambda *commands: None)
+    monkeypatch.setattr(cli.models, "fetch", lambda *commands: None)
 
 
 def run(capsys: Any, *arguments: str) -> tuple[int, str, str]:
@@ -35,7 +35,7 @@ def run(capsys: Any, *arguments: str) -> tuple[int, str, str]:
     ("arguments", "code", "reason"),
     [
         (("nowhere",), 1, "nowhere: cannot be read (No such file or directory)"),
-        (("SUBJECT", "--lights", "flash,moon"), 1, "moon: no such light; give flash, uniform"),
+        (("SUBJECT", "--lights", "flash,moon"), 2, "moon: no such light; give flash, uniform"),
         (("SUBJECT", "--lights", "none.hdr"), 1, "none.hdr: cannot be read"),
         (("SUBJECT", "other"), 2, "one subject at a time, or photos with --same-person"),
         (("SUBJECT", "--lights", "flash,flash"), 2, "two lights are called 'flash'"),
@@ -102,5 +102,5 @@ def test_lights(tmp_path: Path) -> None:
         ("huge.hdr", "at most 16384"),
         ("wide.hdr", "at most 134 million"),
     ):
-        with pytest.raises(SubjectError, match=reason):
+        with pytest.raises(PictureError, match=reason):
             command.light(str(tmp_path / name))

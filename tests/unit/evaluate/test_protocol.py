@@ -93,7 +93,7 @@ def test_rows_and_cache(study: Study, monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("a finished step was repeated")
 
     monkeypatch.setattr(protocol, "solve", never)
-    monkeypatch.setattr(protocol, "path_trace", never)
+    monkeypatch.setattr(protocol, "traced", never)
     monkeypatch.setattr(protocol, "compare", never)
     monkeypatch.setattr(Subject, "photograph", never)
     again = list(study.rows(study.shots()))

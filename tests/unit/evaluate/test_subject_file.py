@@ -10,7 +10,7 @@ import plates
 import pytest
 from PIL import Image
 
-from unlit.errors import SubjectError
+from unlit.errors import PictureError, SubjectError
 from unlit.evaluate.scan import Scan
 from unlit.evaluate.subject_file import files_of, read_subject
 from unlit.scene.light import uniform
@@ -207,10 +207,10 @@ def test_broken_pictures(tmp_path: Path) -> None:
     whole = picture.read_bytes()
     for content in (b"no picture", whole[: len(whole) // 2]):
         picture.write_bytes(content)
-        with pytest.raises(SubjectError, match=r"albedo\.png"):
+        with pytest.raises(PictureError, match=r"albedo\.png"):
             read_subject(file, SIZE)
     Image.new("1", (20000, 2)).save(picture)
-    with pytest.raises(SubjectError, match="at most 16384"):
+    with pytest.raises(PictureError, match="at most 16384"):
         read_subject(file, SIZE)
 
 
@@ -223,7 +223,7 @@ def test_pictures_of_too_many_pixels(tmp_path: Path, width: int, height: int) ->
     header = content[12:16] + struct.pack(">II", width, height) + content[24:29]
     changed = content[:12] + header + struct.pack(">I", zlib.crc32(header)) + content[33:]
     picture.write_bytes(changed)
-    with warnings.catch_warnings(), pytest.raises(SubjectError, match="at most 134 million"):
+    with warnings.catch_warnings(), pytest.raises(PictureError, match="at most 134 million"):
         warnings.simplefilter("error")
         read_subject(file, SIZE)
 

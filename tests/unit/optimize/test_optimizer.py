@@ -9,7 +9,7 @@ from unlit.optimize.optimizer import Adam
 
 mi = mitsuba()
 
-ITERATIONS, FLOOR, CLIP = 12, 0.1, 0.5
+ITERATIONS, HOLD, FLOOR, CLIP = 12, 0.4, 0.1, 0.5
 
 
 def slope(x: np.ndarray, k: int) -> np.ndarray:
@@ -23,7 +23,8 @@ def textbook(x: np.ndarray, rate: float, uniform: bool) -> np.ndarray:
         g = np.clip(slope(x, k), -CLIP, CLIP)
         first, second = 0.9 * first + 0.1 * g, 0.999 * second + 0.001 * g**2
         m, v = first / (1 - 0.9 ** (k + 1)), second / (1 - 0.999 ** (k + 1))
-        decay = FLOOR + (1 - FLOOR) * 0.5 * (1 + np.cos(np.pi * k / (ITERATIONS - 1)))
+        share = np.interp(k / (ITERATIONS - 1), [HOLD, 1], [0, 1])
+        decay = FLOOR + (1 - FLOOR) * 0.5 * (1 + np.cos(np.pi * share))
         x = x - rate * decay * m / (np.sqrt(v.max() if uniform else v) + 1e-8)
     return x
 
@@ -31,12 +32,13 @@ def textbook(x: np.ndarray, rate: float, uniform: bool) -> np.ndarray:
 @pytest.mark.parametrize("uniform", [False, True])
 @pytest.mark.parametrize("kind", ["Float", "Vector3f"])
 def test_adam_is_the_textbooks(kind: str, uniform: bool) -> None:
-    """Moments, bias correction, clipping before the moments, cosine decay to the floor."""
+    """Moments, bias correction, clipping before the moments, full rate, then the cosine."""
     shape = (7,) if kind == "Float" else (3, 7)
     start = np.random.default_rng(0).standard_normal(shape)
     array = getattr(mi, kind)
     names = frozenset({"x"}) if uniform else frozenset()
-    adam = Adam({"x": array(start.astype(np.float32))}, {"x": 0.05}, ITERATIONS, FLOOR, CLIP, names)
+    begin = {"x": array(start.astype(np.float32))}
+    adam = Adam(begin, {"x": 0.05}, ITERATIONS, HOLD, FLOOR, CLIP, names)
     for k in range(ITERATIONS):
         g = slope(adam["x"].numpy(), k)
         dr.backward(dr.sum(adam["x"] * array(g.astype(np.float32)), axis=None))
@@ -46,7 +48,7 @@ def test_adam_is_the_textbooks(kind: str, uniform: bool) -> None:
 
 def test_rate_zero_freezes() -> None:
     """A parameter without a rate stays, and carries no gradient."""
-    adam = Adam({"a": mi.Float(1, 2), "b": mi.Float(3)}, {"a": 0.1, "b": 0.0}, 5, 0.1, 1.0)
+    adam = Adam({"a": mi.Float(1, 2), "b": mi.Float(3)}, {"a": 0.1, "b": 0.0}, 5, 0.0, 0.1, 1.0)
     assert not dr.grad_enabled(adam["b"])
     dr.backward(dr.sum(dr.square(adam["a"])) * adam["b"])
     adam.step()
@@ -56,7 +58,7 @@ def test_rate_zero_freezes() -> None:
 
 def test_assignment_keeps_the_gradient_on() -> None:
     """A parameter put back by the caller (normalised, clipped) can go on being optimised."""
-    adam = Adam({"a": mi.Float(3, 4)}, {"a": 0.1}, 5, 0.1, 1.0)
+    adam = Adam({"a": mi.Float(3, 4)}, {"a": 0.1}, 5, 0.0, 0.1, 1.0)
     adam["a"] = adam["a"] / 5
     assert dr.grad_enabled(adam["a"])
     dr.backward(dr.sum(adam["a"]))
@@ -66,7 +68,7 @@ def test_assignment_keeps_the_gradient_on() -> None:
 
 def test_converges() -> None:
     """A quadratic's minimum is found."""
-    adam = Adam({"a": mi.Float(3, -4)}, {"a": 0.2}, 200, 0.02, 1.0)
+    adam = Adam({"a": mi.Float(3, -4)}, {"a": 0.2}, 200, 0.0, 0.02, 1.0)
     for _ in range(200):
         dr.backward(dr.sum(dr.square(adam["a"] - mi.Float(1, 2))))
         adam.step()

@@ -5,7 +5,7 @@ import pytest
 
 from small_head import save_quickly
 from unlit.photo import Crop
-from unlit.reconstruction import Reconstruction
+from unlit.reconstruction import Fit, Reconstruction
 from unlit.scene.camera import Camera
 from unlit.scene.light import SphericalGaussians
 
@@ -88,6 +88,12 @@ def face() -> Reconstruction:
         ),
         settings={"resolution": SIZE, "rate": 0.1, "stage1": {"iterations": 3, "image": 1.0}},
         metrics={"residual": 0.1 + 0.2, "losses": {"stage1": [[0, 1e-17], [2, 0.3]]}},
+        fit=Fit(
+            vertices + np.float32(0.1),
+            random.uniform(0, SIZE, (5, 2)).astype(np.float32),
+            np.array([0, 3, -1, 7, 2], np.int32),
+            random.uniform(size=(5, 3)).astype(np.float32),
+        ),
     )
 
 

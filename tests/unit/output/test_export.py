@@ -17,10 +17,11 @@ from PIL import Image
 
 from small_head import CENTRE, save_quickly, small_head
 from unlit.cli import main
-from unlit.cli.export import EXPORTS
+from unlit.cli.export import EXPORTS, MAPS
 from unlit.color import encode_srgb
 from unlit.errors import OutputError, SettingsError
 from unlit.output import FORMATS, export, save
+from unlit.output.textures import MAP_FILES
 from unlit.reconstruction import Reconstruction
 
 
@@ -134,6 +135,21 @@ def test_command(r, tmp_path, capsys):
     # Into the result itself: its own mesh.ply is not an export's, and stays.
     assert main(["export", source, "-o", source, "--format", "ply", "--size", "512"]) == 1
     assert "not a whole export" in capsys.readouterr().err
+
+
+def test_only_maps(r, everything, tmp_path, capsys):
+    """The named maps as they are in a whole export, and no other file; a wrong name is refused."""
+    export(r, tmp_path / "maps", tmp_path, size=512, only_maps=("roughness", "confidence"))
+    names = {"atlas_perceptual_roughness.png", "atlas_roughness.exr", "atlas_confidence.png"}
+    assert {path.name for path in (tmp_path / "maps").iterdir()} == names | {"export.toml"}
+    for name in names:
+        assert (tmp_path / "maps" / name).read_bytes() == (everything / name).read_bytes()
+    with pytest.raises(SettingsError, match="shading: choose from diffuse_albedo, "):
+        export(r, tmp_path / "maps", tmp_path, only_maps=("shading",))
+    assert tuple(MAP_FILES) == MAPS
+    with pytest.raises(SystemExit):
+        main(["export", "x", "--only-maps", "roughness", "--format", "ply"])
+    assert "not allowed with" in capsys.readouterr().err
 
 
 def test_usd(r, tmp_path):

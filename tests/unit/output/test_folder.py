@@ -113,6 +113,10 @@ def test_the_mark_comes_last(tmp_path, monkeypatch):
     with pytest.raises(OutputError):
         write_all(tmp_path, writers(NEW, "mask.png", "render.png"))
     assert MARK not in contents(tmp_path)
+    # What it has left there is ours to replace.
+    monkeypatch.setattr(Path, "replace", move)
+    write_all(tmp_path, writers(NEW, "mask.png", "render.png"))
+    assert contents(tmp_path) == dict.fromkeys((MARK, "mask.png", "render.png"), NEW)
 
 
 def test_reserve_cleans_up_after_a_failed_run(tmp_path):

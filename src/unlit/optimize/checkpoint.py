@@ -1,0 +1,209 @@
+"""The end of a stage, kept in a file, so that a run that was broken off can be resumed.
+
+The stages are deterministic and hand each other NumPy arrays (`run_stages`): a run that reads them
+from a file goes on as if nothing had happened. What comes before the stages takes seconds and is
+done again; a stage that was broken off is done again from its start.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._runtime import mitsuba
+from ..errors import OutputError
+from ..evaluate.store import RECONSTRUCTION, code, key
+from ..output.arrays import Kind, check_indices, read_checked
+from ..output.folder import write_one
+from ..scene.arrays import device
+from ..scene.cells import Cells
+from .problem import Estimate, Evidence, Problem, Shading
+from .schedule import TABLE_1, Settings, as_dict
+from .stages import Begin
+
+mi = mitsuba()
+
+_REMEDY = "leave out --resume to start anew"
+_ABOUT = {"about": Kind(("B",), "|u1")}
+#: V, P: vertices and pixels of the problem; K lobes and D cells of the light.
+_KINDS = {
+    "vertices": Kind(("V", 3)),
+    "log_diffuse": Kind(("P", 3)),
+    "log_specular": Kind(("P",)),
+    "perturbation": Kind(("P", 3)),
+    "axis": Kind(("K", 3)),
+    "log_sharpness": Kind(("K",)),
+    "log_amplitude": Kind(("K",)),
+    "cell_theta": Kind(("D", 2), "<f8"),
+    "cell_phi": Kind(("D", 2), "<f8"),
+    "triangle": Kind(("P",), "<u4"),
+    "diffuse_normal": Kind(("P", 3)),
+    "specular_normal": Kind(("P", 3)),
+}
+
+
+class Checkpoint:
+    """The file in which a run keeps its state, and from which it is resumed.
+
+    path: its place, in the folder of the result to come. resume: go on from what is there, if
+    anything is; otherwise it is discarded. stage: how many stages are done.
+    Raises OutputError when the file is to be read and cannot be.
+    """
+
+    def __init__(self, path: Path, resume: bool = False) -> None:
+        self.path = path
+        self._identity: dict[str, Any] = {}
+        self._about: dict[str, Any] = {}
+        if resume and path.exists():
+            self._about = _read_about(path)
+        self.stage: int = self._about.get("stage", 0)
+
+    def belongs_to(
+        self, photo: tuple[str, str], settings: Settings, choices: dict[str, Any]
+    ) -> None:
+        """Say whose state it is, before anything is computed.
+
+        photo: name and key of the content. choices: further plain values that decide the result.
+        Raises OutputError of one line when the file is of another run.
+        """
+        runtime = f"{mi.variant()} {mi.__version__}"
+        values = _flat(as_dict(settings)) | choices
+        self._identity = {
+            "unlit": [version("unlit"), key(code(RECONSTRUCTION), runtime)],
+            "photo": list(photo),
+            "settings": {name: str(value) for name, value in values.items()},
+        }
+        if self._about and self._about["identity"] != self._identity:
+            what = _difference(self._about["identity"], self._identity)
+            raise OutputError(f"{self.path.parent}: its unfinished run is of {what}; {_REMEDY}")
+
+    def begin(self, problem: Problem, seconds: dict[str, float]) -> Begin | None:
+        """Where to go on, with the problem's mesh put there; None: from the start.
+
+        seconds: by step, to which those of the earlier run are added. Raises OutputError.
+        """
+        seen = self._identity["evidence"] = _evidence_key(problem.evidence)
+        if not self._about:
+            self.discard()
+            return None
+        if self._about["evidence"] != seen:
+            raise OutputError(
+                f"{self.path.parent}: in its unfinished run another face or head was found; "
+                f"{_REMEDY}"
+            )
+        sizes = {"P": len(problem), "V": len(problem.evidence.vertices)}
+        found, _ = read_checked(self.path, _KINDS, sizes, remedy=_REMEDY)
+        triangle = found.pop("triangle")
+        check_indices(self.path, "triangle", triangle, len(problem.evidence.triangles))
+        cells = Cells(found.pop("cell_theta"), found.pop("cell_phi"))
+        names = ("diffuse_normal", "specular_normal")
+        diffuse, specular = (device(mi.Vector3f, found.pop(name)) for name in names)
+        estimate = Estimate.of(found)
+        problem.history = self._about["losses"]
+        for name, value in self._about["seconds"].items():
+            seconds[name] = seconds.get(name, 0.0) + value
+        if self.stage >= 3:
+            problem.place(estimate.vertices, triangle)
+        # Stage 2 has the cells refined for what stage 1 has found.
+        return Begin(self.stage, estimate, cells if self.stage >= 2 else None, (diffuse, specular))
+
+    def keep(
+        self,
+        stage: str,
+        problem: Problem,
+        estimate: Estimate,
+        shading: Shading,
+        seconds: dict[str, float],
+    ) -> None:
+        """Put the end of `stage` in the place of what the file held. Raises OutputError."""
+        about = {
+            "stage": 1 + list(TABLE_1).index(stage),
+            "identity": {k: v for k, v in self._identity.items() if k != "evidence"},
+            "evidence": self._identity["evidence"],
+            "losses": problem.history,
+            "seconds": seconds,
+        }
+        arrays = {
+            **estimate.arrays(),
+            "cell_theta": shading.cells.theta,
+            "cell_phi": shading.cells.phi,
+            "triangle": problem.hits.triangle.numpy(),
+            "diffuse_normal": shading.points.diffuse_normal.numpy().T,
+            "specular_normal": shading.points.specular_normal.numpy().T,
+            "about": np.frombuffer(json.dumps(about).encode(), np.uint8),
+        }
+        stream = io.BytesIO()
+        np.savez(
+            stream,
+            allow_pickle=False,
+            **{
+                name: np.ascontiguousarray(arrays[name], kind.dtype)
+                for name, kind in (_KINDS | _ABOUT).items()
+            },
+        )
+        write_one(self.path, stream.getvalue())
+
+    def discard(self) -> None:
+        """Remove the file."""
+        with contextlib.suppress(OSError):
+            self.path.unlink(missing_ok=True)
+
+
+def _evidence_key(evidence: Evidence) -> str:
+    arrays = (getattr(evidence, name) for name in ("image", "regions", "vertices", "triangles"))
+    return key(*arrays, evidence.landmarks, vars(evidence.camera))
+
+
+def _read_about(path: Path) -> dict[str, Any]:
+    """The table of plain values in the file, its types checked. Raises OutputError."""
+    found, _ = read_checked(path, _ABOUT, remedy=_REMEDY)
+    try:
+        about = json.loads(found["about"].tobytes())
+        identity = about["identity"]
+        release, runtime = identity["unlit"]
+        name, content = identity["photo"]
+        return {
+            "stage": range(len(TABLE_1) + 1).index(about["stage"]),
+            "identity": {
+                "unlit": [str(release), str(runtime)],
+                "photo": [str(name), str(content)],
+                "settings": {str(name): str(v) for name, v in identity["settings"].items()},
+            },
+            "evidence": str(about["evidence"]),
+            "losses": {
+                str(name): [(int(i), float(loss)) for i, loss in pairs]
+                for name, pairs in about["losses"].items()
+            },
+            "seconds": {str(name): float(value) for name, value in about["seconds"].items()},
+        }
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise OutputError(f"{path}: about is damaged; {_REMEDY}") from error
+
+
+def _difference(kept: dict[str, Any], now: dict[str, Any]) -> str:
+    """What makes two identities differ, in words."""
+    if kept["photo"] != now["photo"]:
+        return f"another photo ({kept['photo'][0]}, not {now['photo'][0]})"
+    if kept["unlit"] != now["unlit"]:
+        same = kept["unlit"][0] == now["unlit"][0]
+        detail = "other code or renderer" if same else f"{kept['unlit'][0]}, not {now['unlit'][0]}"
+        return f"another version of unlit ({detail})"
+    was, new = kept["settings"], now["settings"]
+    names = [name for name in sorted(was | new) if was.get(name) != new.get(name)]
+    shown = ", ".join(f"{name} {was.get(name)}, not {new.get(name)}" for name in names[:3])
+    return f"other settings ({shown}{' and more' if len(names) > 3 else ''})"
+
+
+def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested settings by their dotted names."""
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        inner = isinstance(value, dict)
+        flat |= _flat(value, f"{prefix}{name}.") if inner else {f"{prefix}{name}": value}
+    return flat

@@ -1,0 +1,1 @@
+"""`unlit relight`: a saved result under other lights, as pictures and videos."""

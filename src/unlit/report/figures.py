@@ -1,0 +1,183 @@
+"""The page's pieces that hold pictures, as HTML."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from ..output.atlas import DIFFUSED, GRAZING, MIRRORED, PLAIN, SEEN, Atlas
+from ..output.images import MAPS, encoded
+from ..output.montage import clay, error, light
+from ..output.textures import normal_bytes
+from ..reconstruction import Reconstruction
+from .pictures import data_uri, webp, webp_exact
+from .scene import material
+from .stages import Stages
+
+_LARGEST = 1024  # pixels a side of what is only looked at
+
+_MAPS = {
+    "diffuse_albedo": "Diffuse albedo: the face with the light taken off",
+    "specular_albedo": "Specular albedo, 0 to 2: how strong the gloss is",
+    "roughness": "Roughness, Beckmann alpha, 0 to 1",
+    "specular_normal": "Specular normals, world frame",
+    "diffuse_normal": "Diffuse normals, world frame",
+    "shading": "Diffuse shading: what the diffuse albedo is multiplied with",
+    "specular_shading": "Specular shading: what the specular albedo is multiplied with",
+    "render": "Re-rendering: the sum of both products",
+    "mask": "Mask: where the maps are measured",
+    "environment": "Light, latitude and longitude; its middle is light from the camera, its left "
+    "half light from the picture's right",
+}
+#: Black outside the mask, where they only repeat their nearest measured value.
+_FILLED = {"diffuse_albedo", "specular_albedo", "roughness"}
+
+_LEVELS = {
+    SEEN: ((253, 231, 37), "measured"),
+    GRAZING: ((94, 201, 98), "measured at more than 70 degrees from the normal"),
+    MIRRORED: ((33, 145, 140), "taken from the other half of the face"),
+    DIFFUSED: ((59, 82, 139), "a smooth continuation"),
+    PLAIN: ((68, 1, 84), "a constant"),
+}
+
+_STAGES = {
+    "fit": "Fit",
+    "stage1": "1. Base colour and light",
+    "stage2": "2. Smooth albedo",
+    "stage3": "3. Shape",
+    "stage4": "4. Normals",
+    "stage5": "5. Fine albedo",
+}
+_KINDS = {"render": "re-rendering", "albedo": "diffuse albedo", "normals": "specular normals"}
+
+
+def photo(r: Reconstruction) -> str:
+    """The slider between the photo's crop and the re-rendering."""
+    both = {"photo": r.image, "render": r.render}
+    before, after = (
+        image(webp(encoded(pixels), _LARGEST), f"The {name}", f'id="{name}"')
+        for name, pixels in both.items()
+    )
+    return _compare(_pair(before, after), "photo", "re-rendering", "Photo and re-rendering")
+
+
+def overview(r: Reconstruction) -> str:
+    """Error, mesh and light."""
+    pictures = {
+        "Error of the re-rendering, times 4": error(r),
+        "Mesh": clay(r),
+        "Light, seen from the camera: as a map, on a matte and on a mirror ball": light(r),
+    }
+    return "\n".join(_figure(webp(p, _LARGEST), caption) for caption, p in pictures.items())
+
+
+def maps(r: Reconstruction) -> str:
+    """All image-space maps."""
+    found = []
+    for name, (array, look) in MAPS.items():
+        picture = look(array(r))
+        if name in _FILLED:
+            inside = r.mask > 0
+            picture = picture * (inside if picture.ndim == 2 else inside[..., None])
+        found.append(_figure(webp(picture, _LARGEST), _MAPS[name]))
+    return "\n".join(found)
+
+
+def atlas_maps(atlas: Atlas) -> str:
+    """The atlas; the viewer takes its textures from these pictures, so they are exact."""
+    pictures = {
+        "diffuse-albedo": ("Diffuse albedo", encoded(atlas.diffuse_albedo)),
+        "specular-normal": ("Specular normals, tangent space", normal_bytes(atlas.specular_normal)),
+        "diffuse-normal": ("Diffuse normals, tangent space", normal_bytes(atlas.diffuse_normal)),
+        "material": (
+            "Red: specular albedo, 0 to 2; green: square root of alpha; blue: confidence",
+            material(atlas),
+        ),
+    }
+    return "\n".join(
+        _figure(webp_exact(pixels), caption, f'id="atlas-{name}"')
+        for name, (caption, pixels) in pictures.items()
+    )
+
+
+def confidence(atlas: Atlas) -> str:
+    """The confidence map in colours, and what they mean."""
+    picture = np.zeros((*atlas.confidence.shape, 3), dtype=np.uint8)
+    legend = []
+    for level, (colour, meaning) in _LEVELS.items():
+        picture[atlas.confidence == level] = colour
+        code = "#{:02x}{:02x}{:02x}".format(*colour)
+        square = f'<svg viewBox="0 0 1 1" aria-hidden="true"><path fill="{code}" d="M0 0h1v1H0z"/>'
+        legend.append(f"<li>{square}</svg>{escape(meaning)}</li>")
+    shown = image(webp_exact(picture), "Confidence of each texel of the atlas, in colours")
+    return f'<div class="one">{shown}</div><ul class="legend">{"".join(legend)}</ul>'
+
+
+def stages(taken: Stages) -> str:
+    """A slider for each stage between the state before it and after it."""
+    if not taken:
+        return (
+            "<p>No pictures of the stages were kept with this result. "
+            "<code>unlit reconstruct</code> keeps them.</p>"
+        )
+    last: dict[str, str] = {"render": "photo"}  # the element that shows the state before
+    store, figures = [], []
+    for stage, pictures in taken:
+        pairs = []
+        for kind in (kind for kind in _KINDS if kind in pictures):
+            name = f"{stage}-{kind}"
+            store.append(image(pictures[kind], "", f'id="{name}"'))
+            if kind in last and stage != "fit":
+                before, after = (_again(last[kind], "before"), _again(name, "after"))
+                hidden = "" if kind == "render" else " hidden"
+                said = _pair(before, after)
+                pairs.append(f'<div data-kind="{kind}"{hidden}>{said}</div>')
+            last[kind] = name
+        if pairs:
+            title = _STAGES[stage]
+            figures.append(_compare("".join(pairs), "before", "after", title, f"<h3>{title}</h3>"))
+    choices = "".join(
+        f'<label><input type="radio" name="kind" value="{kind}"'
+        f"{' checked' if kind == 'render' else ''}> {name}</label>"
+        for kind, name in _KINDS.items()
+    )
+    return (
+        "<p>Each picture shows the state before the stage and after it; before the first there is "
+        "no re-rendering, so the photo stands in for it.</p>"
+        f'<fieldset class="kinds"><legend>Show</legend>{choices}</fieldset>'
+        f'<div class="grid stages">{"".join(figures)}</div><div hidden>{"".join(store)}</div>'
+    )
+
+
+def image(content: bytes, alt: str, attributes: str = "") -> str:
+    """An <img> of a WebP file."""
+    return f'<img {attributes} alt="{escape(alt)}" src="{data_uri(content)}">'
+
+
+def _again(identity: str, alt: str) -> str:
+    """The picture of the element `identity` once more; the page's script fills it in."""
+    return f'<img data-from="{identity}" alt="{alt}">'
+
+
+def _figure(content: bytes, caption: str, attributes: str = "") -> str:
+    shown = image(content, "", attributes)
+    return (
+        f'<figure><button class="picture" type="button" aria-pressed="false" '
+        f'aria-label="Enlarge: {escape(caption)}">{shown}</button>'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
+
+
+def _pair(before: str, after: str) -> str:
+    return f'<div class="pair">{before}{after}</div>'
+
+
+def _compare(pairs: str, left: str, right: str, what: str, title: str = "") -> str:
+    """Pictures on top of each other with a slider that moves the cut between them."""
+    label = f"{what}: where the cut lies, from all {right} to all {left}"
+    return (
+        f'<figure class="compare">{title}{pairs}'
+        f'<input type="range" min="0" max="100" value="50" aria-label="{escape(label)}">'
+        f'<figcaption class="ends"><span>{left}</span><span>{right}</span></figcaption></figure>'
+    )

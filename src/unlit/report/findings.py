@@ -1,0 +1,95 @@
+"""What in a photo or a result asks for care, in one sentence each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..color import encode_srgb
+from ..optimize.losses import EXPOSED
+from ..reconstruction import Reconstruction
+
+_SHADOW = 0.1  # of the strongest light on the face, which is 1 by convention
+_SHADOWED_SHARE = 0.1
+_CLIPPED_SHARE = 0.01
+_WHITE = 0.995
+#: Of the eye distance: 0.018 to 0.048 on portraits that fitted well (docs/method.md).
+_RESIDUAL = 0.055
+
+
+def findings(r: Reconstruction) -> list[str]:
+    """Sentences for the report's list of warnings; empty where nothing was found."""
+    inside = r.mask > 0
+    if not inside.any():
+        return ["No pixel was measured: the face is hidden or was not found."]
+    photo = encode_srgb(r.image[inside])
+    found = [
+        _shadowed(_share(r.diffuse_shading[inside].mean(axis=1) < _SHADOW)),
+        _saturated(_share((photo >= EXPOSED[1]).any(axis=1))),
+        _crushed(_share((photo <= EXPOSED[0]).all(axis=1))),
+        _at_bound(_share((r.diffuse_albedo[inside] >= _WHITE).any(axis=1))),
+        _small(r, inside),
+        _misfit(r.metrics.get("landmark_residual")),
+    ]
+    return [sentence for sentence in found if sentence]
+
+
+def _share(where: Any) -> float:
+    return float(np.mean(where))
+
+
+def _shadowed(share: float) -> str:
+    if share < _SHADOWED_SHARE:
+        return ""
+    return (
+        f"Shadowed: {share:.0%} of the face gets less than {_SHADOW:.0%} of the strongest light. "
+        "There the albedo is a guess from few grey levels."
+    )
+
+
+def _saturated(share: float) -> str:
+    if share < _CLIPPED_SHARE:
+        return ""
+    return (
+        f"Saturated: {share:.1%} of the face is as bright as the file can be. Highlights there are "
+        "weaker than they were; a darker exposure would help."
+    )
+
+
+def _crushed(share: float) -> str:
+    if share < _CLIPPED_SHARE:
+        return ""
+    return (
+        f"Clipped: {share:.1%} of the face is black in the file. It says nothing about the skin "
+        "there; a brighter exposure would help."
+    )
+
+
+def _at_bound(share: float) -> str:
+    if share < _CLIPPED_SHARE:
+        return ""
+    return (
+        f"Clipped: the diffuse albedo of {share:.1%} of the face lies at its bound of 1. The light "
+        "is probably taken for too weak there."
+    )
+
+
+def _small(r: Reconstruction, inside: np.ndarray) -> str:
+    columns = np.flatnonzero(inside.any(axis=0))
+    width = (columns[-1] - columns[0] + 1) / r.crop.scale
+    if r.crop.scale <= 1:
+        return ""
+    return (
+        f"Small face: it is some {width:.0f} pixels wide in the photo, which was enlarged "
+        f"{r.crop.scale:.1f} times. The maps hold no finer detail than that."
+    )
+
+
+def _misfit(residual: Any) -> str:
+    if not isinstance(residual, int | float) or residual <= _RESIDUAL:
+        return ""
+    return (
+        f"Large landmark residual: the fitted head misses the landmarks by {residual:.1%} of the "
+        "eye distance on average. Look at the mesh; normals and light may be wrong."
+    )

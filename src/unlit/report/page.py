@@ -1,0 +1,187 @@
+"""The page put together."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import math
+from html import escape
+from importlib.metadata import version
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import tomli_w
+
+from ..evaluate.metrics import psnr
+from ..output.atlas import Atlas, bake
+from ..output.folder import write_one
+from ..output.load import load
+from ..reconstruction import Reconstruction
+from . import figures
+from .bundle import REMEDY, WEB, missing_because, program
+from .charts import loss_chart, points_of
+from .findings import findings
+from .scene import scene
+from .stages import Stages, read_stages
+
+REPORT = "report.html"
+_ATLAS = 1024
+
+
+def write_report(folder: str | Path) -> Path:
+    """Write report.html of the result saved in `folder`, and return its path.
+
+    Raises OutputError where the folder is no result or cannot be written.
+    """
+    folder = Path(folder)
+    stages = read_stages(folder)
+    result = load(folder)
+    path = folder / REPORT
+    write_one(path, report_html(result, bake(result, _ATLAS), stages).encode())
+    return path
+
+
+def report_html(r: Reconstruction, atlas: Atlas, stages: Stages | None = None) -> str:
+    """The whole page. It loads nothing: its own policy forbids the browser to.
+
+    stages: what `stage_pictures` took after the fit and each stage, if anything did.
+    """
+    viewer, bundle = _viewer(r, atlas)
+    style = _web("page.css")
+    scripts = [_web("page.js"), *([bundle] if bundle else [])]
+    return Template(_web("page.html")).substitute(
+        title=escape(f"{r.photo_name}, unlit"),
+        version=escape(version("unlit")),
+        policy=_policy(style, scripts),
+        style=style,
+        scripts="".join(f"<script>{script}</script>\n" for script in scripts),
+        photo=figures.photo(r),
+        facts=_table(_facts(r)),
+        overview=figures.overview(r),
+        warnings=_warnings(findings(r)),
+        viewer=viewer,
+        stages=figures.stages(stages or []),
+        maps=figures.maps(r),
+        atlas=figures.atlas_maps(atlas),
+        confidence=figures.confidence(atlas),
+        losses=_losses(r.metrics.get("losses")),
+        seconds=_seconds(r.metrics.get("seconds")),
+        command="unlit reconstruct PHOTO -o DIR --config settings.toml",
+        settings=escape(tomli_w.dumps(r.settings)),
+    )
+
+
+def _web(name: str) -> str:
+    return (WEB / name).read_text(encoding="utf-8")
+
+
+def _policy(style: str, scripts: list[str]) -> str:
+    """A content security policy that allows this page's own parts and nothing else."""
+
+    def digest(text: str) -> str:
+        return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+    allowed = " ".join(digest(script) for script in scripts)
+    return (
+        f"default-src 'none'; img-src data:; style-src {digest(style)}; script-src {allowed}; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+def _viewer(r: Reconstruction, atlas: Atlas) -> tuple[str, str | None]:
+    """The viewer's section and its script, or why there is none."""
+    bundle = program()
+    if bundle is None:
+        why = f"This installation of unlit was built without its viewer: {missing_because()}."
+        return f"<p>{escape(why)} To mend it: {escape(REMEDY)}.</p>", None
+    packed = scene(r, atlas)
+    section = Template(_web("viewer.html")).substitute(scene=packed.numbers, arrays=packed.arrays)
+    # A script ends at the first "</script", also in a string.
+    return section, bundle.replace("</script", "<\\/script")
+
+
+def _facts(r: Reconstruction) -> dict[str, str]:
+    inside = r.mask > 0
+    metrics = r.metrics
+    found = {
+        "Photo": r.photo_name,
+        "Crop": f"{r.camera.width} x {r.camera.height} pixels, each {1 / r.crop.scale:.2f} of the "
+        "photo's",
+        "Measured": f"{inside.mean():.0%} of the crop",
+        "Field of view": f"{_field_of_view(r):.1f} degrees across the crop",
+    }
+    if inside.any():
+        found["Re-rendering"] = f"{psnr(r.render, r.image, inside):.1f} dB from the photo"
+    residual, memory = (_number(metrics.get(n)) for n in ("landmark_residual", "peak_memory_mb"))
+    if residual is not None:
+        found["Landmarks"] = f"missed by {residual:.1%} of the eye distance on average"
+    if seconds := _laps(metrics.get("seconds")):
+        found["Time"] = f"{sum(seconds.values()):.0f} s without writing the files"
+    if memory is not None:
+        found["Memory"] = f"{memory:.0f} MB at most"
+    found["Mesh"] = f"{len(r.vertices)} vertices, {len(r.triangles)} triangles"
+    return found
+
+
+def _field_of_view(r: Reconstruction) -> float:
+    return math.degrees(2 * math.atan(0.5 * r.camera.width / r.camera.focal))
+
+
+def _table(rows: dict[str, str]) -> str:
+    body = "".join(
+        f'<tr><th scope="row">{escape(name)}</th><td>{escape(value)}</td></tr>'
+        for name, value in rows.items()
+    )
+    return f"<table>{body}</table>"
+
+
+def _warnings(sentences: list[str]) -> str:
+    if not sentences:
+        return "<p>None: nothing shadowed, saturated, clipped, small or misplaced was found.</p>"
+    items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
+    return f'<ul class="warnings">{items}</ul>'
+
+
+def _losses(losses: Any) -> str:
+    curves = {n: points_of(curve) for n, curve in losses.items()} if _is_table(losses) else {}
+    charts = [
+        f"<figure>{loss_chart(name, points)}<figcaption>{escape(name)}</figcaption></figure>"
+        for name, points in curves.items()
+        if points
+    ]
+    if not charts:
+        return "<p>No losses were kept.</p>"
+    return (
+        "<p>Logarithmic, against iterations. Stages minimise different sums, so heights compare "
+        f'only inside a stage.</p><div class="grid">{"".join(charts)}</div>'
+    )
+
+
+def _seconds(seconds: Any) -> str:
+    laps = _laps(seconds)
+    if not laps:
+        return "<p>No times were kept.</p>"
+    longest = max(laps.values())
+    rows = "".join(
+        f'<tr><th scope="row">{escape(name)}</th><td class="number">{value:.1f} s</td>'
+        f'<td><meter min="0" max="{longest:.3f}" value="{value:.3f}" '
+        f'aria-label="{escape(name)}"></meter></td></tr>'
+        for name, value in laps.items()
+    )
+    return f"<table>{rows}</table>"
+
+
+def _laps(seconds: Any) -> dict[str, float]:
+    """The steps and their seconds in metrics.json; what is no number is left out."""
+    pairs = seconds.items() if _is_table(seconds) else ()
+    return {name: n for name, value in pairs if (n := _number(value)) is not None and n >= 0}
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, dict)
+
+
+def _number(value: Any) -> float | None:
+    usable = isinstance(value, int | float) and math.isfinite(value)
+    return float(value) if usable else None

@@ -1,0 +1,123 @@
+"""`unlit reconstruct`: what --resume, --from-stage and --mask mean together."""
+
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import unlit
+from unlit import cli
+from unlit.output import CHECKPOINT
+
+
+@pytest.fixture
+def calls(monkeypatch) -> list:
+    """What the pipeline and the continuation are asked for, and by which options."""
+    asked = []
+
+    def stand_in(name: str):
+        def run(*arguments, **options):
+            asked.append((name, arguments, options))
+            return types.SimpleNamespace(metrics={})
+
+        return run
+
+    for module, function in (("pipeline", "reconstruct"), ("continuation", "continued")):
+        fake = types.ModuleType(f"unlit.{module}")
+        setattr(fake, function, stand_in(function))
+        fake.kept_fit = lambda *_: None
+        monkeypatch.setitem(sys.modules, fake.__name__, fake)
+        monkeypatch.setattr(unlit, module, fake, raising=False)
+    face = types.SimpleNamespace(
+        settings={"resolution": 300, "stage5": {"iterations": 7}}, photo_name="old.jpg"
+    )
+    monkeypatch.setattr("unlit.output.load", lambda folder: face)
+    monkeypatch.setattr("unlit.output.edited", lambda face, folder, stage: (face, ["mask.png"]))
+    monkeypatch.setattr("unlit.output.save", lambda *_: None)
+    monkeypatch.setattr(cli.models, "fetch", lambda *_: None)
+    return asked
+
+
+@pytest.fixture
+def photo(tmp_path) -> str:
+    Image.fromarray(np.full((80, 90, 3), 128, np.uint8)).save(tmp_path / "a.png")
+    return str(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("PHOTO", "-o", "DIR", "--resume"),
+        ("--resume", "PHOTO", "-o", "DIR"),
+        ("PHOTO", "--resume", "DIR"),
+        ("PHOTO", "--resume", "DIR", "-o", "DIR"),
+    ],
+)
+def test_ways_to_write_resume(photo, calls, tmp_path, capsys, arguments):
+    """All go on with what is in the folder; without a checkpoint they start, and say so."""
+    folder = tmp_path / "out"
+    folder.mkdir()
+    given = [{"PHOTO": photo, "DIR": str(folder)}.get(word, word) for word in arguments]
+    assert cli.main(["reconstruct", *given]) == 0
+    ((name, (read,), options),) = calls
+    assert (name, read.source) == ("reconstruct", "a.png")
+    assert options["checkpoint"].path == folder / CHECKPOINT
+    assert options["settings"].resolution == 512
+    assert "nothing to resume" in capsys.readouterr().err
+
+
+def test_without_resume_nothing_is_read(photo, calls, tmp_path):
+    """A broken checkpoint does not stop a new run."""
+    (tmp_path / CHECKPOINT).write_bytes(b"broken")
+    assert cli.main(["reconstruct", photo, "-o", str(tmp_path)]) == 0
+    assert cli.main(["reconstruct", photo, "-o", str(tmp_path), "--resume"]) == 1
+    assert len(calls) == 1
+
+
+def test_from_stage(calls, tmp_path, capsys):
+    """The saved settings, with --set on top; into the same folder or another; edits are named."""
+    folder = tmp_path / "old"
+    folder.mkdir()
+    arguments = ["reconstruct", "--resume", str(folder), "--from-stage", "4", "--set", "clip=3"]
+    assert cli.main(arguments) == 0
+    assert cli.main([*arguments, "-o", str(tmp_path / "new")]) == 0
+    for name, (_, stage, settings, *_), _ in calls:
+        assert (name, stage) == ("continued", 4)
+        assert (settings.resolution, settings.clip, settings.stage5.iterations) == (300, 3.0, 7)
+    out, err = capsys.readouterr()
+    assert [Path(line).parent for line in out.splitlines()] == [folder, tmp_path / "new"]
+    assert "mask.png" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("PHOTO",), "no folder to write given; add -o DIR"),
+        (("-o", "x"), "no PHOTO given"),
+        (("--resume", "x"), "no PHOTO given; to go on from a saved result, give --from-stage N"),
+        (("PHOTO", "--resume", "x", "-o", "y"), "--resume x and -o y differ"),
+        (("--from-stage", "2"), "name the folder of the result"),
+        (("PHOTO", "--resume", "x", "--from-stage", "2"), "PHOTO has no use with --from-stage"),
+        (("--resume", "x", "--from-stage", "2", "--mask", "m"), "--mask has no use"),
+        (("--resume", "x", "--from-stage", "2", "--preset", "draft"), "--preset has no use"),
+        (("--resume", "x", "--from-stage", "2", "--resolution", "300"), "--resolution has no use"),
+    ],
+)
+def test_wrong_usage_is_2_and_one_line(photo, calls, capsys, arguments, said):
+    """Options that contradict each other, or that would be dropped."""
+    given = [{"PHOTO": photo}.get(word, word) for word in arguments]
+    assert cli.main(["reconstruct", *given]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+    assert not calls
+
+
+def test_mask(photo, calls, tmp_path, capsys):
+    """Handed on and said in the log."""
+    assert cli.main(["reconstruct", photo, "-o", str(tmp_path / "o"), "--mask", "skin.png"]) == 0
+    assert calls[0][2]["mask"] == "skin.png"
+    assert "skin.png" in capsys.readouterr().err

@@ -1,0 +1,29 @@
+"""Every fuzz test: bounded time and memory; the seeds are fixed, so that runs are alike."""
+
+import resource
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+# Small files of every kind are made by helpers of other tests.
+sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / "evaluate")]
+
+settings.register_profile(
+    "fuzz",
+    deadline=None,
+    derandomize=True,
+    max_examples=150,
+    suppress_health_check=list(HealthCheck),
+)
+#: The seeds are of a few kilobytes: what takes more than this trusted a number in a header.
+_MEGABYTES = 700
+
+
+@pytest.fixture(autouse=True)
+def little_memory():
+    """The peak of this process does not rise by more than `_MEGABYTES`."""
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    yield
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < _MEGABYTES << 10

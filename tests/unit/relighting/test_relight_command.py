@@ -1,0 +1,199 @@
+"""`unlit relight` from the command line to the file."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy import ndimage
+
+from saved_head import SIZE, Saved
+from unlit import cli
+from unlit.color import encode_srgb
+from unlit.output.images import exr
+from unlit.photo import read_photo
+from unlit.pictures import read_picture
+
+
+def run(*arguments: object) -> int:
+    try:
+        return cli.main(["relight", *map(str, arguments)])
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+@pytest.mark.parametrize("how", [("--fast",), ("--samples", 16)])
+def test_sun_from_the_left_lights_the_left(saved: Saved, tmp_path: Path, how: tuple) -> None:
+    """In the written picture, with either renderer; turned by 120 degrees it lights the right."""
+    means = []
+    for turn in (0, 120):
+        out = tmp_path / f"{turn}.png"
+        assert run(saved.result, "--light", "sun:-60,10", "--rotate", turn, "-o", out, *how) == 0
+        picture = np.asarray(Image.open(out)).astype(float)
+        assert picture.shape == (SIZE, SIZE, 3)
+        assert picture[saved.face.mask == 0].max() == 0
+        means.append((picture[:, : SIZE // 2].mean(), picture[:, SIZE // 2 :].mean()))
+    (left, right), (other_left, other_right) = means
+    assert left > 2 * right
+    assert other_right > 2 * other_left
+
+
+def test_exposure_and_files(saved: Saved, tmp_path: Path) -> None:
+    """A stop doubles linear values; PNG is the sRGB of EXR; the light's file may be in any unit."""
+    sky = np.random.default_rng(3).random((16, 32, 3)).astype(np.float32) * 700
+    (tmp_path / "sky.exr").write_bytes(exr(sky))
+    found = {}
+    for ev, name in ((0, "a.exr"), (1, "b.exr"), (-1, "c.png")):
+        out = tmp_path / name
+        light = tmp_path / "sky.exr"
+        assert run(saved.result, "--light", light, "--exposure", ev, "--fast", "-o", out) == 0
+        if name.endswith("exr"):
+            found[name] = read_picture(out)
+    np.testing.assert_allclose(found["b.exr"], 2 * found["a.exr"], rtol=1e-5)
+    shown = np.asarray(Image.open(tmp_path / "c.png"))
+    wanted = 255 * np.clip(encode_srgb(found["a.exr"] / 2), 0, 1)
+    assert np.abs(shown - wanted).max() <= 0.51
+    assert 0.05 < found["a.exr"][saved.face.mask > 0.5].mean() < 1
+
+
+@pytest.mark.parametrize("ending", ["png", "exr"])
+def test_over_photo(saved: Saved, tmp_path: Path, ending: str) -> None:
+    """Outside the mask the photo to the bit, inside the relit face where the face was."""
+    plain, over = tmp_path / "plain.exr", tmp_path / f"over.{ending}"
+    order = (saved.result, "--light", "side", "--fast")
+    assert run(*order, "-o", plain) == 0
+    assert run(*order, "--over-photo", saved.photo, "-o", over) == 0
+    photo = read_photo(saved.photo).pixels
+    original = np.asarray(Image.open(saved.photo)) if ending == "png" else photo
+    picture = np.asarray(Image.open(over)) if ending == "png" else read_picture(over)
+    assert picture.shape == original.shape
+    # Where each photo pixel lies in the crop, by the crop's definition.
+    ys, xs = np.mgrid[: photo.shape[0], : photo.shape[1]] + 0.5
+    (scale, _, x0), (_, _, y0) = saved.face.crop.matrix
+    place = np.array([ys * scale + y0 - 0.5, xs * scale + x0 - 0.5])
+    reach = ndimage.maximum_filter(saved.face.mask, 3) > 0
+    outside = ~ndimage.map_coordinates(reach, place, order=0, cval=False)
+    assert 0.5 < outside.mean() < 0.95
+    np.testing.assert_array_equal(picture[outside], original[outside])
+    full = ndimage.minimum_filter(saved.face.mask, 3) == 1
+    inside = ndimage.map_coordinates(full, place, order=0, cval=False)
+    relit = read_picture(plain)
+    channels = [ndimage.map_coordinates(relit[..., c], place, order=1) for c in range(3)]
+    wanted = np.stack(channels, axis=-1)[inside]
+    if ending == "png":
+        wanted = 255 * np.clip(encode_srgb(wanted), 0, 1)
+    assert np.abs(picture[inside] - wanted).mean() < 0.02 * wanted.mean()
+
+
+def test_another_photo_is_refused(saved: Saved, tmp_path: Path, capsys: Any) -> None:
+    """Another picture of the same size, and the same picture at another size; nothing written."""
+    other = tmp_path / "other.png"
+    pixels = np.asarray(Image.open(saved.photo))
+    for changed in (pixels[::-1], np.kron(pixels, np.ones((2, 2, 1), np.uint8))):
+        Image.fromarray(np.ascontiguousarray(changed)).save(other)
+        order = (saved.result, "--light", "flash", "--fast", "-o", tmp_path / "out.png")
+        assert run(*order, "--over-photo", other) == 1
+        message = capsys.readouterr().err
+        assert "other.png: not the picture that this result was made from" in message
+        assert message.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["other.png"]
+
+
+@pytest.mark.parametrize("motion", [(), ("--turntable", "20")])
+def test_video(saved: Saved, tmp_path: Path, motion: tuple) -> None:
+    """A light that turns brightens one side after the other; a head that turns moves its nose."""
+    out = tmp_path / "turn.gif"
+    order = (saved.result, "--light", "sun:0,10", "--fast", "--frames", "4", "--fps", "10")
+    assert run(*order, *motion, "-o", out) == 0
+    with Image.open(out) as film:
+        assert film.n_frames == 4  # type: ignore[attr-defined]
+        assert film.info["duration"] == 100
+        frames = []
+        for number in range(4):
+            film.seek(number)
+            frames.append(np.asarray(film.convert("RGB")).astype(float))
+    sides = [(f[:, : SIZE // 2].mean(), f[:, SIZE // 2 :].mean()) for f in frames]
+    if motion:
+        assert np.abs(frames[0] - frames[2]).mean() < 1  # 0 degrees twice
+        assert np.abs(frames[1] - frames[3]).mean() > 5
+    else:
+        assert sides[1][1] > 2 * sides[1][0]  # from the right
+        assert sides[3][0] > 2 * sides[3][1]  # from the left
+        assert sum(sides[2]) < 0.1 * sum(sides[0])  # from behind
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "reason"),
+    [
+        (("-o", "a.jpg"), 2, "give a .png, .exr, .mp4 or .gif file"),
+        (("-o", "a.png", "--rotate", "sweep"), 2, "--rotate sweep makes a video"),
+        (("-o", "a.exr", "--frames", "9"), 2, "--frames makes a video"),
+        (("-o", "a.gif", "--rotate", "30"), 2, "use --rotate sweep"),
+        (("-o", "a.gif", "--turntable", "--over-photo", "p.png"), 2, "do not go together"),
+        (("-o", "a.gif", "--turntable", "400"), 2, "--turntable 400: choose 1 to 360"),
+        (("-o", "a.gif", "--frames", "1"), 2, "--frames 1: choose 2 to"),
+        (("-o", "a.png", "--exposure", "nan"), 2, "--exposure nan: choose -20 to 20"),
+        (("-o", "a.png", "--fast", "--samples", "9"), 2, "--samples has no use with --fast"),
+        (("-o", "a.png", "--light", "moon"), 2, "moon: no such light"),
+        (("-o", "a.png", "--light", "no.hdr"), 1, "no.hdr: cannot be read"),
+        (("-o", "a.png", "--light", "cut.hdr"), 1, "cut.hdr: no whole picture"),
+        (("-o", "a.png", "--light", "huge.hdr"), 1, "huge.hdr: 80000 x 40000 pixels; at most"),
+        (
+            (
+                "-o",
+                "nowhere/a.png",
+            ),
+            1,
+            "nowhere: no such folder",
+        ),
+        (("-o", "a.png", "--over-photo", "p.png"), 1, "p.png: no such file"),
+    ],
+)
+def test_mistakes(
+    saved: Saved,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: Any,
+    arguments: tuple[str, ...],
+    code: int,
+    reason: str,
+) -> None:
+    """One line, before anything is rendered, and no file."""
+    monkeypatch.chdir(tmp_path)
+    Path("cut.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8 +X 16\n")
+    Path("huge.hdr").write_bytes(b"#?RADIANCE\n\n-Y 40000 +X 80000\n")
+    light = () if "--light" in arguments else ("--light", "flash")
+    assert run(saved.result, *light, *arguments) == code
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert reason in said.err
+    assert said.err.count("\n") == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cut.hdr", "huge.hdr"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
+def test_interrupted(saved: Saved, tmp_path: Path) -> None:
+    """Ctrl-C in the middle of a video: code 130, no traceback, no file."""
+    order = ["--light", "uniform", "--samples", "4000", "-o", str(tmp_path / "turn.gif")]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "unlit", "relight", str(saved.result), *order],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert process.stderr is not None
+    assert process.stderr.readline() == "preparing\n"
+    time.sleep(1)
+    process.send_signal(signal.SIGINT)
+    rest = process.communicate(timeout=120)[1]
+    assert process.returncode == 130
+    assert "interrupted" in rest.splitlines()[-1]
+    assert "Traceback" not in rest
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,57 @@
+"""`unlit report` and `unlit view` from the command line."""
+
+import re
+import signal
+import subprocess
+import sys
+import urllib.request
+
+import pytest
+
+from saved_head import saved_head
+from unlit import cli
+from unlit.report import page
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    return saved_head(tmp_path_factory.mktemp("saved")).result
+
+
+@pytest.fixture(autouse=True)
+def small_atlas(monkeypatch):
+    monkeypatch.setattr(page, "_ATLAS", 64)
+
+
+def test_report_is_written_and_named(result, capsys):
+    (result / "report.html").unlink(missing_ok=True)
+    assert cli.main(["report", str(result)]) == 0
+    assert capsys.readouterr().out.strip() == str(result / "report.html")
+    assert "<h1>small head" in (result / "report.html").read_text()
+
+
+@pytest.mark.parametrize("command", ["report", "view"])
+def test_no_result_is_an_error_of_one_line(command, tmp_path, capsys):
+    assert cli.main([command, str(tmp_path / "absent")]) == 1
+    assert re.fullmatch(r"unlit: error: .*no such folder.*\n", capsys.readouterr().err)
+
+
+def test_a_wrong_port_is_wrong_usage(capsys):
+    with pytest.raises(SystemExit) as end:
+        cli.main(["view", "x", "--port", "70000"])
+    assert end.value.code == 2
+
+
+def test_view_prints_its_address_serves_and_ends_with_ctrl_c(tmp_path):
+    """As a process of its own, on a folder whose report is there already."""
+    (tmp_path / "report.html").write_text("here it is")
+    command = [sys.executable, "-m", "unlit", "view", str(tmp_path), "--no-browser"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as run:
+        address = run.stdout.readline().strip()
+        with urllib.request.urlopen(address, timeout=10) as answer:
+            assert answer.read() == b"here it is"
+        run.send_signal(signal.SIGINT)
+        assert run.wait(20) == 0
+        assert run.stderr.read() == ""

@@ -1,0 +1,64 @@
+"""Warnings: each appears for what it is about and for nothing else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from unlit.photo import Crop
+from unlit.report.findings import findings
+
+
+def spoilt(face, share, **images):
+    """The face with `share` of its measured pixels set to a value, by map."""
+    inside = np.flatnonzero(face.mask.ravel() > 0)
+    some = inside[: round(share * len(inside))]
+    changed = {}
+    for name, value in images.items():
+        pixels = getattr(face, name).copy()
+        pixels.reshape(-1, 3)[some] = value
+        changed[name] = pixels
+    return replace(face, **changed)
+
+
+def test_a_good_photo_has_none(face):
+    assert findings(face) == []
+
+
+@pytest.mark.parametrize(
+    ("images", "share", "word"),
+    [
+        ({"diffuse_shading": 0.05}, 0.25, "Shadowed: 25%"),
+        ({"image": 1.0}, 0.03, "Saturated: 3.0%"),
+        ({"image": 0.0}, 0.03, "Clipped: 3.0% of the face is black"),
+        ({"diffuse_albedo": 1.0}, 0.03, "Clipped: the diffuse albedo of 3.0%"),
+    ],
+)
+def test_each_names_its_share(face, images, share, word):
+    (sentence,) = findings(spoilt(face, share, **images))
+    assert sentence.startswith(word)
+
+
+def test_one_bright_channel_is_saturated_but_one_dark_is_not_clipped(face):
+    (sentence,) = findings(spoilt(face, 0.1, image=(1.0, 0.3, 0.3)))
+    assert sentence.startswith("Saturated")
+    assert findings(spoilt(face, 0.1, image=(0.5, 0.3, 0.0))) == []
+
+
+def test_a_small_face_is_told_in_pixels_of_the_photo(face):
+    columns = np.flatnonzero((face.mask > 0).any(axis=0))
+    width = (columns[-1] - columns[0] + 1) / 3
+    crop = Crop(np.array([[3.0, 0, 0], [0, 3.0, 0]]), face.crop.resolution)
+    (sentence,) = findings(replace(face, crop=crop))
+    assert f"some {width:.0f} pixels wide" in sentence
+    assert "3.0 times" in sentence
+
+
+@pytest.mark.parametrize(("residual", "count"), [(0.03, 0), (0.09, 1), (None, 0), ("x", 0)])
+def test_the_residual_of_the_landmarks(face, residual, count):
+    assert len(findings(replace(face, metrics={"landmark_residual": residual}))) == count
+
+
+def test_nothing_measured_does_not_fail(face):
+    (sentence,) = findings(replace(face, mask=np.zeros_like(face.mask)))
+    assert "No pixel" in sentence
