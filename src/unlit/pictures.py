@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from ._runtime import mitsuba
+from ._runtime import mitsuba, second_thread
 from .color import decode_srgb
 from .errors import PictureError
 
@@ -96,6 +96,7 @@ def _floating_size(path: Path) -> tuple[int, int]:
 
 def _floating(path: Path) -> np.ndarray:
     mi = mitsuba()
-    bitmap = mi.Bitmap(os.fspath(path))
+    with second_thread():
+        bitmap = mi.Bitmap(os.fspath(path))
     bitmap = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
     return np.array(bitmap, dtype=np.float32)

@@ -7,7 +7,7 @@ import copy
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits
 from ._runtime import mitsuba
 from .errors import FaceError
 from .evaluate.store import key
+from .findings import findings
 from .head.fit import LandmarkProblem
 from .head.model import HeadModel, default_model
 from .mask import painted, read_mask
@@ -223,7 +224,8 @@ def solve(
     with threadpool_limits(1, user_api="blas"):
         estimate, shading = run_stages(problem, after, first)
     progress("finish", 0, 1, 0.0)
-    return result(estimate, shading)
+    whole = result(estimate, shading)
+    return replace(whole, metrics=whole.metrics | {"warnings": findings(whole)})
 
 
 def _as_photo(photo: str | Path | Photo | np.ndarray) -> Photo:

@@ -197,7 +197,7 @@ def test_forty_real_photos(tmp_path: Path) -> None:
     for k in range(40):
         shown = np.clip(face * (0.8 + 0.01 * k), 0, 255).astype(np.uint8)
         Image.fromarray(shown).save(photos / f"{k}.png")
-    quick = [f"--set=stage{k}.iterations={n}" for k, n in enumerate((60, 60, 30, 30, 30), 1)]
+    quick = [f"--set=stage{k}.iterations={n}" for k, n in enumerate((20, 20, 10, 10, 10), 1)]
     folder, last = tmp_path / "out", 0.0
     with dask(tmp_path, 2, {}) as (address, processes):
         run = batch(photos, folder, "--preset", "draft", *quick, "--scheduler", address)

@@ -6,6 +6,7 @@ Skips where there is no Chromium, no Playwright, or where unlit was built withou
 from __future__ import annotations
 
 import io
+import os
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
@@ -19,14 +20,20 @@ from PIL import Image
 from report_head import report_head
 from unlit.color import encode_srgb
 from unlit.output.atlas import bake
-from unlit.report import report_html, stage_pictures
 from unlit.report.bundle import program
+from unlit.report.page import report_html
+from unlit.report.stages import stage_pictures
 
 SIZE = 192
 _FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 _MILLISECONDS = 240_000  # software rendering on a busy machine
 
-pytestmark = pytest.mark.skipif(program() is None, reason="unlit was built without its viewer")
+#: Continuous integration sets it: what is missing then is a failure, not a reason to skip.
+_REQUIRED = bool(os.environ.get("UNLIT_REQUIRE_VIEWER"))
+
+pytestmark = pytest.mark.skipif(
+    program() is None and not _REQUIRED, reason="unlit was built without its viewer"
+)
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +56,7 @@ def report(face: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def browser() -> Iterator[Any]:
     api = pytest.importorskip("playwright.sync_api")
     executable = shutil.which("chromium")
-    if executable is None:
+    if executable is None and not _REQUIRED:
         pytest.skip("there is no chromium on this machine")
     with api.sync_playwright() as driver:
         running = driver.chromium.launch(executable_path=executable, args=_FLAGS)
@@ -91,10 +98,10 @@ class Open:
 
     def picture(self) -> np.ndarray:
         """What the canvas shows at rest, (SIZE, SIZE, 3), sRGB-encoded."""
-        # The fine picture comes 200 ms after the last change; then two frames for it to appear.
+        # The fine picture comes 600 ms after the last change; then two frames for it to appear.
         self.page.evaluate(
             "() => new Promise((done) => setTimeout(() => requestAnimationFrame(() => "
-            "requestAnimationFrame(done)), 600))"
+            "requestAnimationFrame(done)), 900))"
         )
         png = self.page.locator("#view").screenshot()
         return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")) / 255
@@ -123,7 +130,7 @@ def change(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def test_the_viewer_agrees_with_our_renderer(view: Open, face: Any) -> None:
-    """At the photo's camera and light, inside the mask: the issue asks for 28 dB."""
+    """At the photo's camera and light, inside the mask."""
     inside = face.mask > 0
     error = (view.picture() - np.clip(encode_srgb(face.render), 0, 1))[inside]
     assert -10 * np.log10(np.mean(error**2)) > 30

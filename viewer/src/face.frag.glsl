@@ -35,11 +35,13 @@ out vec4 colour;
 const float PI = 3.14159265358979;
 const float IOR = 1.38;
 
+// Exact for a dielectric, unpolarised; both terms over one divisor.
 float fresnel(float cosine) {
-  float transmitted = sqrt(cosine * cosine + (IOR * IOR - 1.0)) / IOR;
-  float s = (cosine - IOR * transmitted) / (cosine + IOR * transmitted);
-  float p = (transmitted - IOR * cosine) / (transmitted + IOR * cosine);
-  return 0.5 * (s * s + p * p);
+  float root = sqrt(cosine * cosine + (IOR * IOR - 1.0));
+  float straight = IOR * IOR * cosine;
+  float across = (cosine - root) * (root + straight), along = (root - straight) * (cosine + root);
+  float whole = (cosine + root) * (root + straight);
+  return 0.5 * (across * across + along * along) / (whole * whole);
 }
 
 // Walter et al. 2007, equation 27.

@@ -7,7 +7,7 @@ import { irradiance, merged, turn, turnedLights } from "./light.js";
 
 const BACKGROUND = new Color().setRGB(0.1, 0.1, 0.1); // encoded
 const SLOW = 40; // milliseconds a frame: software rendering
-const REST = 200; // milliseconds after which what moved is drawn finely
+const REST = { fast: 150, slow: 600 }; // milliseconds after which what moved is drawn finely
 
 export class Viewer {
   /** Show `scene` (data.js) with its textures `images` on `canvas`; throws without WebGL 2. */
@@ -48,6 +48,7 @@ export class Viewer {
 
   /** Draw when the screen is next refreshed, coarsely if need be, and finely at rest. */
   draw() {
+    clearTimeout(this.rest);
     if (this.waiting) return;
     this.waiting = true;
     requestAnimationFrame(() => {
@@ -55,9 +56,9 @@ export class Viewer {
       if (this.turned) this.#light();
       this.slow ??= this.#isSlow();
       this.#render(this.slow ? 0.5 : devicePixelRatio);
-      clearTimeout(this.rest);
       // Two pixels for one smooth the edges.
-      this.rest = setTimeout(() => this.#render(this.slow ? 1 : 2), REST);
+      const finely = () => this.#render(this.slow ? 1 : 2);
+      this.rest = setTimeout(finely, this.slow ? REST.slow : REST.fast);
     });
   }
 

@@ -22,7 +22,7 @@ def add(commands: Any) -> None:
         "Reconstruct the face in PHOTO (JPEG, PNG, TIFF, WebP, HEIC) into the folder DIR. While "
         "it runs, DIR/unlit-preview.png shows the state after each stage; all results come at the "
         "end, at once. An older result in DIR is replaced. The state is kept in DIR after every "
-        "stage: the same command with --resume goes on after Ctrl-C, a crash or a power cut, "
+        "stage: the same command with --resume goes on after Ctrl-C, a crash or kill -9, "
         "and gives the same bits. To go on from a saved result instead, edit its albedo maps or "
         "its mask, and name the folder and the first stage to run again.",
         "  unlit reconstruct portrait.jpg -o portrait\n"
@@ -87,10 +87,10 @@ def reconstruct_into(
     from ..console import RunConsole
 
     settings = settings_of(options)
-    from ..output import CHECKPOINT, FILES, needed_bytes, reserve
+    from ..output import CHECKPOINT, FILES, REPORT, STAGES, needed_bytes, reserve
 
     folder = Path(options.output)
-    with reserve(folder, FILES, needed_bytes(settings.resolution)) as preview:
+    with reserve(folder, {*FILES, REPORT, STAGES}, needed_bytes(settings.resolution)) as preview:
         photo = read()
         models.fetch("reconstruct")
         from ..optimize.checkpoint import Checkpoint
@@ -108,16 +108,17 @@ def reconstruct_into(
                 found = f"after stage {stage}" if stage else "nothing to resume, from the start"
                 console.say(f"resume    {found}")
             _say_settings(console, settings, preview)
+            states = _States(preview)
             result = reconstruct(
                 photo,
                 settings=settings,
                 face=options.face,
                 mask=mask,
                 progress=console,
-                preview=_shown(preview),
+                preview=states,
                 checkpoint=checkpoint,
             )
-            _save(console, result, folder)
+            _save(console, result, folder, states)
     print(folder / "montage.png")
     return 0
 
@@ -142,13 +143,13 @@ def _continue(options: argparse.Namespace) -> int:
     if named is None:
         raise SettingsError("--from-stage: name the folder of the result, as --resume DIR")
     from ..optimize.schedule import PRESETS, override
-    from ..output import FILES, edited, load, needed_bytes, reserve
+    from ..output import FILES, REPORT, STAGES, edited, load, needed_bytes, reserve
 
     source, stage = Path(named), options.from_stage
     face = load(source)
     settings = override(override(PRESETS["paper"], face.settings), dict(options.set))
     folder = Path(options.output or named)
-    with reserve(folder, FILES, needed_bytes(settings.resolution)) as preview:
+    with reserve(folder, {*FILES, REPORT, STAGES}, needed_bytes(settings.resolution)) as preview:
         from ..continuation import continued, kept_fit
 
         kept_fit(face, stage, settings)
@@ -157,8 +158,9 @@ def _continue(options: argparse.Namespace) -> int:
             console.say(f"result    {source}, of {face.photo_name}, from stage {stage}")
             console.say(f"edited    {', '.join(files) or 'nothing'}")
             _say_settings(console, settings, preview)
-            result = continued(face, stage, settings, console, _shown(preview))
-            _save(console, result, folder)
+            states = _States(preview)
+            result = continued(face, stage, settings, console, states)
+            _save(console, result, folder, states)
     print(folder / "montage.png")
     return 0
 
@@ -179,16 +181,33 @@ def _say_settings(console: Any, settings: Any, preview: Path) -> None:
     console.say(f"preview   {preview}")
 
 
-def _shown(path: Path) -> Any:
-    from ..output import preview_png, write_one
+class _States:
+    """Shows the state after the fit and each stage as the preview, and keeps it for the report."""
 
-    return lambda _, state: write_one(path, preview_png(state))
+    def __init__(self, preview: Path) -> None:
+        self.preview = preview
+        self.taken: list[tuple[str, dict[str, bytes]]] = []
+
+    def __call__(self, stage: str, state: Any) -> None:
+        from ..output import preview_png, write_one
+        from ..report.stages import stage_pictures
+
+        write_one(self.preview, preview_png(state))
+        self.taken.append((stage, stage_pictures(state)))
 
 
-def _save(console: Any, result: Any, folder: Path) -> None:
-    from ..output import save
+def _save(console: Any, result: Any, folder: Path, states: _States) -> None:
+    from ..output import REPORT, STAGES, save
+    from ..report.page import report_html
+    from ..report.stages import pack_stages
 
     for name, value in result.metrics.items():
         if isinstance(value, int | float):
             console.say(f"{name}  {value:.4g}")
-    save(result, folder, console.log())
+    for warning in result.metrics.get("warnings", ()):
+        console.say(f"warning  {warning}")
+    pages = {
+        STAGES: lambda _: pack_stages(states.taken),
+        REPORT: lambda atlas: report_html(result, atlas, states.taken).encode(),
+    }
+    save(result, folder, console.log(), pages)

@@ -24,7 +24,7 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..report import write_report
+    from ..report.page import write_report
 
     print(write_report(options.folder))
     return 0

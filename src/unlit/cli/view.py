@@ -32,7 +32,7 @@ def run(options: argparse.Namespace) -> int:
     import contextlib
     import webbrowser
 
-    from ..report import REPORT, write_report
+    from ..report.page import REPORT, write_report
     from ..report.server import ReportServer
 
     folder = Path(options.folder)

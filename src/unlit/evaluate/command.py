@@ -42,8 +42,7 @@ def light(name: str) -> Light:
 
     Raises SettingsError or PictureError.
     """
-    environment = named(name)
-    return Light(name if name in LIGHTS else Path(name).stem, environment)
+    return Light(name if name in LIGHTS else Path(name).stem, named(name))
 
 
 class Teller:

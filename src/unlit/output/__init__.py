@@ -2,7 +2,7 @@
 
 from .edits import edited
 from .export import FORMATS, export
-from .folder import CHECKPOINT, reserve, write_one
+from .folder import CHECKPOINT, REPORT, STAGES, reserve, write_one
 from .load import load
 from .montage import montage, montage_png, preview_png
 from .save import FILES, needed_bytes, save
@@ -11,6 +11,8 @@ __all__ = [
     "CHECKPOINT",
     "FILES",
     "FORMATS",
+    "REPORT",
+    "STAGES",
     "edited",
     "export",
     "load",

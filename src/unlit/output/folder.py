@@ -27,6 +27,8 @@ MARK = "reconstruction.toml"
 MARK_TEXT = "# unlit reconstruction"
 #: What a running reconstruction shows of itself, in the target folder.
 PREVIEW = "unlit-preview.png"
+#: The page that shows a result, and the stages' pictures on it; a result can do without.
+REPORT, STAGES = "report.html", "stages.zip"
 #: What it can be resumed from, removed when the result is in place.
 CHECKPOINT = ".unlit-checkpoint.npz"
 

@@ -23,7 +23,7 @@ from collections.abc import Callable
 import numpy as np
 from PIL import Image
 
-from .._runtime import mitsuba
+from .._runtime import mitsuba, second_thread
 from ..color import encode_srgb
 from ..reconstruction import Reconstruction
 
@@ -71,7 +71,8 @@ def exr(image: np.ndarray) -> bytes:
     mi = mitsuba()
     stream = mi.MemoryStream()
     bitmap = mi.Bitmap(np.ascontiguousarray(image, dtype=np.float32))
-    bitmap.write(stream, mi.Bitmap.FileFormat.OpenEXR)
+    with second_thread():
+        bitmap.write(stream, mi.Bitmap.FileFormat.OpenEXR)
     return stream.raw_buffer()
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import tomli_w
@@ -15,11 +15,14 @@ import tomli_w
 from ..reconstruction import Reconstruction
 from .arrays import write_arrays
 from .export import atlas_pngs
-from .folder import CHECKPOINT, MARK, MARK_TEXT, write_all
+from .folder import CHECKPOINT, MARK, MARK_TEXT, REPORT, STAGES, write_all
 from .geometry import mtl, obj, ply
 from .images import MAPS, exr, png
 from .montage import montage_png
 from .textures import PNGS
+
+if TYPE_CHECKING:
+    from .atlas import Atlas
 
 #: Version of reconstruction.toml and .npz.
 FORMAT = 1
@@ -59,11 +62,17 @@ def needed_bytes(resolution: int) -> int:
     return 300 * resolution**2 + (28 << 20)
 
 
-def save(reconstruction: Reconstruction, folder: str | Path, log: str = "") -> None:
+def save(
+    reconstruction: Reconstruction,
+    folder: str | Path,
+    log: str = "",
+    pages: Mapping[str, Callable[[Atlas], bytes]] | None = None,
+) -> None:
     """Write all files of `reconstruction` into `folder`, or none; an older result is replaced.
 
-    log: what the run said, kept as reconstruction.log. A run's checkpoint in the folder is removed;
-    files of other names stay.
+    log: what the run said, kept as reconstruction.log. pages: by name (REPORT, STAGES), what makes
+    the content of a page from the atlas; those of an older result go. A run's checkpoint in the
+    folder is removed; files of other names stay.
     Raises OutputError if the folder cannot be written, or holds somebody else's file under one of
     the names to be written.
     """
@@ -92,7 +101,9 @@ def save(reconstruction: Reconstruction, folder: str | Path, log: str = "") -> N
         **{name: _text(text) for name, text in texts.items()},
     }
     assert writers.keys() == FILES.keys()
-    write_all(Path(folder), writers)
+    for name, content in (pages or {}).items():
+        writers[name] = lambda path, content=content: path.write_bytes(content(atlas))
+    write_all(Path(folder), writers, obsolete=(REPORT, STAGES))
     with contextlib.suppress(OSError):
         (Path(folder) / CHECKPOINT).unlink(missing_ok=True)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import SettingsError
+from ..output import FILES as RESULT_FILES
 from ..output import load, write_one
 from ..output.folder import ensure_writable
 from ..output.images import encoded, exr, png
@@ -106,6 +107,7 @@ def relight(
     frames, samples = order.plan(suffix)
     if suffix == ".mp4":
         need_encoder()
+    _spare_inputs(folder, path, order)
     ensure_writable(path)
     face = load(folder)
     environment = _environment(order, face)
@@ -128,6 +130,14 @@ def relight(
     write_one(path, content)
     progress("done", 100, 100)
     return path
+
+
+def _spare_inputs(folder: Path, path: Path, order: Order) -> None:
+    """Refuse to write over the photo, the light, or a file of the result."""
+    inputs = {folder / name for name in RESULT_FILES}
+    inputs |= {Path(name) for name in (order.light, order.over_photo) if name is not None}
+    if path.resolve() in {file.resolve() for file in inputs}:
+        raise SettingsError(f"-o {path}: is an input or a file of the result; choose another name")
 
 
 def _environment(order: Order, face: Reconstruction) -> np.ndarray:

@@ -1,4 +1,5 @@
-"""Lights by name: what `--light` of `unlit relight` and `--lights` of `unlit evaluate` take.
+"""Lights by name: what `--light` of `unlit relight` takes, and, but for suns, `--lights` of
+`unlit evaluate`.
 
 Azimuth and elevation are degrees in the camera's frame (scene/camera.py), seen from the face:
 

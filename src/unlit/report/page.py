@@ -14,18 +14,17 @@ from typing import Any
 import tomli_w
 
 from ..evaluate.metrics import psnr
+from ..findings import findings
 from ..output.atlas import Atlas, bake
-from ..output.folder import write_one
+from ..output.folder import REPORT, write_one
 from ..output.load import load
 from ..reconstruction import Reconstruction
 from . import figures
 from .bundle import REMEDY, WEB, missing_because, program
 from .charts import loss_chart, points_of
-from .findings import findings
 from .scene import scene
 from .stages import Stages, read_stages
 
-REPORT = "report.html"
 _ATLAS = 1024
 
 
@@ -112,7 +111,7 @@ def _facts(r: Reconstruction) -> dict[str, str]:
         "Field of view": f"{_field_of_view(r):.1f} degrees across the crop",
     }
     if inside.any():
-        found["Re-rendering"] = f"{psnr(r.render, r.image, inside):.1f} dB from the photo"
+        found["Match"] = f"{psnr(r.render, r.image, inside):.1f} dB, re-rendering against photo"
     residual, memory = (_number(metrics.get(n)) for n in ("landmark_residual", "peak_memory_mb"))
     if residual is not None:
         found["Landmarks"] = f"missed by {residual:.1%} of the eye distance on average"
@@ -154,7 +153,7 @@ def _losses(losses: Any) -> str:
         return "<p>No losses were kept.</p>"
     return (
         "<p>Logarithmic, against iterations. Stages minimise different sums, so heights compare "
-        f'only inside a stage.</p><div class="grid">{"".join(charts)}</div>'
+        f'only inside a stage.</p><div class="grid stages">{"".join(charts)}</div>'
     )
 
 

@@ -16,9 +16,8 @@ from pathlib import Path
 from shutil import copyfileobj
 
 from ..errors import OutputError
+from ..output.folder import REPORT, STAGES
 from ..output.save import FILES
-from .page import REPORT
-from .stages import STAGES
 
 HOST = "127.0.0.1"
 #: What may be asked for, besides / for the report.
@@ -79,8 +78,8 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer(body=False)
 
     def _answer(self, body: bool) -> None:
-        port = self.server.server_port
-        if self.headers.get("Host") not in (f"{HOST}:{port}", f"localhost:{port}"):
+        # A page elsewhere that has its name resolve to this machine still sends its own name.
+        if self.headers.get("Host", "").partition(":")[0] not in (HOST, "localhost"):
             return self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
         # The name must be one of the list as it stands: nothing is decoded, joined or resolved.
         name = self.path.partition("?")[0].removeprefix("/") or REPORT

@@ -14,11 +14,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ..errors import OutputError
+from ..output.folder import STAGES
 from ..output.images import encoded, normals
 from ..reconstruction import Reconstruction
 from .pictures import webp
-
-STAGES = "stages.zip"
 
 #: In order, for each state: its name, and WebP files by kind ("render", "albedo", "normals").
 Stages = list[tuple[str, dict[str, bytes]]]

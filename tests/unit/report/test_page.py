@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from unlit.report import bundle, page, report_html, stage_pictures
+from unlit.report import bundle, page
+from unlit.report.page import report_html
+from unlit.report.stages import stage_pictures
 
 PROGRAM = 'const end = "</script>"; void end;'
 

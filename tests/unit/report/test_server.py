@@ -103,7 +103,7 @@ def test_a_link_out_of_the_folder_is_not_followed(server, folder):
     assert ask(server, "/mesh.obj")[0] == 404
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1", ""])
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", ""])
 def test_foreign_names_are_refused(server, host):
     """DNS rebinding: a page of evil.example whose name now points to 127.0.0.1."""
     status, _, body = ask(server, "/", host=host)
@@ -128,3 +128,8 @@ def test_it_listens_on_the_loopback_only(server):
 def test_a_port_in_use_is_one_line(server, folder):
     with pytest.raises(OutputError, match=f"port {server.server_port}: cannot be used"):
         ReportServer(folder, server.server_port)
+
+
+def test_a_forwarded_port_is_served(server):
+    """`ssh -L 9000:localhost:PORT`: the browser names the port it was given."""
+    assert ask(server, "/", host="localhost:9000")[0] == 200

@@ -10,7 +10,7 @@ from PIL import Image
 
 from unlit.color import encode_srgb
 from unlit.errors import OutputError
-from unlit.report import STAGES, pack_stages, read_stages, stage_pictures
+from unlit.report.stages import STAGES, pack_stages, read_stages, stage_pictures
 
 
 def decoded(content: bytes) -> np.ndarray:

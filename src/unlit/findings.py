@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..color import encode_srgb
-from ..optimize.losses import EXPOSED
-from ..reconstruction import Reconstruction
+from .color import encode_srgb
+from .optimize.losses import EXPOSED
+from .reconstruction import Reconstruction
 
 _SHADOW = 0.1  # of the strongest light on the face, which is 1 by convention
 _SHADOWED_SHARE = 0.1
@@ -19,7 +19,7 @@ _RESIDUAL = 0.055
 
 
 def findings(r: Reconstruction) -> list[str]:
-    """Sentences for the report's list of warnings; empty where nothing was found."""
+    """The warnings kept in metrics.json, printed and shown; empty where nothing was found."""
     inside = r.mask > 0
     if not inside.any():
         return ["No pixel was measured: the face is hidden or was not found."]

@@ -5,8 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from report_head import report_head
+from unlit.findings import findings
 from unlit.photo import Crop
-from unlit.report.findings import findings
+
+
+@pytest.fixture(scope="module")
+def face():
+    return report_head()
 
 
 def spoilt(face, share, **images):
