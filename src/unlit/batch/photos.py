@@ -24,17 +24,20 @@ def find_photos(inputs: Iterable[str]) -> list[Path]:
     """The photos that files, folders and globs name: absolute paths, each once, in a fixed order.
 
     Folders are searched to any depth, but not through links, nor in hidden folders and the
-    folders of results. Raises PhotoError for an input that names no photo.
+    folders of results; a picture that links give several names counts once. Raises PhotoError for
+    an input that names no photo.
     """
-    found: dict[Path, None] = {}
+    found: dict[str, Path] = {}
     for name in inputs:
         photos = list(_photos_of(name))
         if not photos:
             raise PhotoError(
                 f"{name}: no photo there; give picture files, folders of them or globs in quotes"
             )
-        found |= dict.fromkeys(Path(os.path.abspath(photo)) for photo in photos)  # noqa: PTH100
-    return list(found)
+        for photo in photos:
+            # Through links one picture may have many names; `**` follows them.
+            found.setdefault(os.path.realpath(photo), Path(os.path.abspath(photo)))  # noqa: PTH100
+    return list(found.values())
 
 
 def _photos_of(name: str) -> Iterator[str]:
@@ -45,8 +48,12 @@ def _photos_of(name: str) -> Iterator[str]:
     for place in sorted(found):
         if Path(place).is_dir():
             yield from _below(place)
-        elif place.lower().endswith(SUFFIXES) and not (Path(place).parent / MARK).exists():
+        elif place.lower().endswith(SUFFIXES) and not _in_a_result(Path(place)):
             yield place
+
+
+def _in_a_result(file: Path) -> bool:
+    return any((folder / MARK).exists() for folder in file.parents)
 
 
 def _below(folder: str) -> Iterator[str]:

@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import json
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,7 @@ class Record:
 
 
 def content_key(photo: Path, settings: dict[str, Any], face: str | int) -> str:
-    """Changes with all that a result is made from: the photo's bytes, the settings, which face.
+    """Changes with what a result is made from: photo, settings, face, unlit's version.
 
     "" for a photo that cannot be read, of which there is no result.
     """
@@ -77,7 +78,7 @@ def content_key(photo: Path, settings: dict[str, Any], face: str | int) -> str:
             digest = hashlib.file_digest(file, "sha256")
     except (OSError, ValueError):
         return ""
-    digest.update(json.dumps([settings, face], sort_keys=True).encode())
+    digest.update(json.dumps([settings, face, version("unlit")], sort_keys=True).encode())
     return digest.hexdigest()
 
 

@@ -118,7 +118,7 @@ class Store:
                 try:
                     yield folder
                 finally:
-                    (folder / _BEGUN).unlink()
+                    (folder / _BEGUN).unlink(missing_ok=True)
             return
         with tempfile.TemporaryDirectory(prefix="unlit-") as name:
             folder = Path(name) / "result"

@@ -16,7 +16,8 @@ from unlit.output.folder import MARK
 def here(tmp_path, monkeypatch) -> Path:
     for name in (
         *("b/x.jpg", "a/x.JPG", "a/deep/y.heic", "a/notes.txt", "a/.hidden/z.jpg"),
-        *("a/._x.jpg", f"results/{MARK}", "results/render.png", "odd[1].png", "scan.raw"),
+        *("a/._x.jpg", f"results/{MARK}", "results/render.png", "results/export/atlas.png"),
+        *("odd[1].png", "scan.raw"),
     ):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_bytes(b"")
@@ -52,9 +53,11 @@ def test_an_input_without_photos_is_named(here, name):
 
 
 def test_a_loop_of_links_ends(here):
-    """A folder that links to itself is searched once."""
+    """A folder that links to itself is searched once, also by a glob, which follows links."""
     (here / "b" / "self").symlink_to(here / "b")
     assert find_photos(["b"]) == [here / "b" / "x.jpg"]
+    (photo,) = find_photos(["b/**/*.jpg"])
+    assert photo.samefile(here / "b" / "x.jpg")
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ settings.register_profile(
     "fuzz",
     deadline=None,
     derandomize=True,
-    max_examples=150,
+    max_examples=80,
     suppress_health_check=list(HealthCheck),
 )
 #: The seeds are of a few kilobytes: what takes more than this trusted a number in a header.
