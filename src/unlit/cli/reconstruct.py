@@ -156,7 +156,8 @@ def _continue(options: argparse.Namespace) -> int:
         face, files = edited(face, source, stage)
         with RunConsole(_iterations(settings, stage - 1)) as console:
             console.say(f"result    {source}, of {face.photo_name}, from stage {stage}")
-            console.say(f"edited    {', '.join(files) or 'nothing'}")
+            pull = "; a start, on which the photo pulls again" if files else ""
+            console.say(f"edited    {', '.join(files) or 'nothing'}{pull}")
             _say_settings(console, settings, preview)
             states = _States(preview)
             result = continued(face, stage, settings, console, states)

@@ -2,9 +2,9 @@
 
 The viewer (viewer/src) shades with our reflectance model and textures of the atlas. What a shader
 cannot find out by itself is baked here: for every vertex, which of 648 directions of light it
-sees. Approximations, all of them the viewer's: the light is merged into 32 spherical Gaussians,
-shadows are as coarse as the directions (10 degrees) and vertices are, and there is no
-inter-reflection.
+sees. Approximations, all of them the viewer's: the light is merged into 32 spherical Gaussians;
+shadows are as coarse as the directions (10 degrees) and the vertices, and the same for both
+lobes; inter-reflection is guessed from how much of the sky the head hides.
 """
 
 from __future__ import annotations
