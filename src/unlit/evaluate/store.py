@@ -42,6 +42,7 @@ RECONSTRUCTION = (
     "color.py",
     "head",
     "icc.py",
+    "mask.py",
     "optimize",
     "perception",
     "photo.py",

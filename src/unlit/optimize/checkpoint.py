@@ -160,6 +160,9 @@ def _evidence_key(evidence: Evidence) -> str:
     return key(*arrays, evidence.landmarks, vars(evidence.camera))
 
 
+_DAMAGE = (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
+
+
 def _read_about(path: Path) -> dict[str, Any]:
     """The table of plain values in the file, its types checked. Raises OutputError."""
     found, _ = read_checked(path, _ABOUT, remedy=_REMEDY)
@@ -182,7 +185,7 @@ def _read_about(path: Path) -> dict[str, Any]:
             },
             "seconds": {str(name): float(value) for name, value in about["seconds"].items()},
         }
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+    except _DAMAGE as error:
         raise OutputError(f"{path}: about is damaged; {_REMEDY}") from error
 
 

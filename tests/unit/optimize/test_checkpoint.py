@@ -189,6 +189,16 @@ def text(values: object) -> np.ndarray:
     return np.frombuffer(json.dumps(values).encode(), np.uint8)
 
 
+#: A table with all its fields, but an iteration that no integer holds.
+ENDLESS = {
+    "stage": 1,
+    "identity": {"unlit": ["", ""], "photo": ["", ""], "settings": {}},
+    "evidence": "",
+    "losses": {"stage1": [[float("inf"), 0.0]]},
+    "seconds": {},
+}
+
+
 @pytest.mark.parametrize(
     ("name", "array", "said"),
     [
@@ -196,6 +206,7 @@ def text(values: object) -> np.ndarray:
         ("about", text([1]), "about is damaged"),
         ("about", text({"stage": 9}), "about is damaged"),
         ("about", np.frombuffer(b"{", np.uint8), "about is damaged"),
+        ("about", text(ENDLESS), "about is damaged"),
         ("about", text([]).repeat(1 << 24), "about has shape"),
         ("axis", np.array(Bomb(), dtype=object), "axis has type object"),
         ("log_specular", np.zeros(3, "f4"), "log_specular has shape"),
