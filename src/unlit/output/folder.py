@@ -84,8 +84,8 @@ def write_all(
     """Write files into `folder`: all of them, or none.
 
     writers: by file name, a function that writes the file to the path it is given; `mark`, which
-    starts with `mark_text`, is one of them. obsolete: names of files to remove in the same step.
-    Files of other names stay as they are. Raises OutputError.
+    starts with `mark_text`, is one of them. obsolete: names of files to remove in the same step,
+    if they are ours. Files of other names stay as they are. Raises OutputError.
     """
     with _made(folder), _explained(folder):
         _refuse_foreign(folder, writers, mark, mark_text)
@@ -94,9 +94,10 @@ def write_all(
             for file, write in writers.items():
                 write(staging / file)
             with _signals_wait():
+                old = set(obsolete) - writers.keys() if _is_ours(folder, mark, mark_text) else ()
                 (folder / _MOVING).touch()
                 (folder / mark).unlink(missing_ok=True)
-                for file in set(obsolete) - writers.keys():
+                for file in old:
                     if (folder / file).is_file():
                         (folder / file).unlink()
                 for file in sorted(writers, key=lambda file: file == mark):
@@ -149,14 +150,8 @@ def _refuse_foreign(
     folder: Path, names: Collection[str], mark: str = MARK, mark_text: str = MARK_TEXT
 ) -> None:
     """A file of ours is replaced without asking, somebody else's of the same name is not."""
-    if (folder / _MOVING).exists():
+    if _is_ours(folder, mark, mark_text):
         return
-    try:
-        with (folder / mark).open("rb") as file:
-            if file.read(len(mark_text)) == mark_text.encode():
-                return
-    except FileNotFoundError:
-        pass
     kind = "result" if mark == MARK else "export"
     for name in sorted(names):
         if (folder / name).exists():
@@ -164,6 +159,17 @@ def _refuse_foreign(
                 f"{folder}: holds {name}, but is not a whole {kind} of unlit; choose another "
                 f"folder or move {name} away"
             )
+
+
+def _is_ours(folder: Path, mark: str, mark_text: str) -> bool:
+    """Whether what lies in `folder` was written by us: a whole set of files, or one cut off."""
+    if (folder / _MOVING).exists():
+        return True
+    try:
+        with (folder / mark).open("rb") as file:
+            return file.read(len(mark_text)) == mark_text.encode()
+    except FileNotFoundError:
+        return False
 
 
 def _remove_stale(folder: Path) -> None:

@@ -33,6 +33,15 @@ def test_a_result_replaces_an_older_one_and_keeps_other_files(tmp_path):
     assert contents(folder) == {MARK: NEW, "mask.png": NEW, "notes.txt": "mine"}
 
 
+def test_obsolete_files_go_only_if_they_are_ours(tmp_path):
+    """A user's own report.html in a folder without a result is not a page of an older result."""
+    (tmp_path / "page.html").write_text("mine")
+    write_all(tmp_path, writers(OLD), obsolete=("page.html",))
+    assert contents(tmp_path) == {MARK: OLD, "page.html": "mine"}
+    write_all(tmp_path, writers(NEW), obsolete=("page.html",))
+    assert contents(tmp_path) == {MARK: NEW}
+
+
 def test_somebody_elses_file_is_not_overwritten(tmp_path):
     """A folder without our mark may hold a mask.png of the user's own."""
     (tmp_path / "mask.png").write_text("mine")
