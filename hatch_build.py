@@ -68,7 +68,9 @@ def _bundle(source: Path) -> str:
     """
     with tempfile.TemporaryDirectory(prefix="unlit-viewer-") as name:
         folder = Path(name)
-        shutil.copytree(source, folder, dirs_exist_ok=True, ignore=_installed)
+        shutil.copytree(
+            source, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("node_modules")
+        )
         said = _npm(folder, "ci", *_NPM)
         if said:
             raise NpmError(f"npm ci failed: {said}")
@@ -77,10 +79,6 @@ def _bundle(source: Path) -> str:
             raise RuntimeError(f"viewer/ cannot be bundled: {said}")
         licence = (folder / "node_modules/three/LICENSE").read_text(encoding="utf-8")
         return f"/*! three.js\n{licence}*/\n" + (folder / "viewer.js").read_text(encoding="utf-8")
-
-
-def _installed(folder: str, names: list[str]) -> list[str]:
-    return [name for name in names if name == "node_modules"]
 
 
 def _npm(folder: Path, *arguments: str) -> str:

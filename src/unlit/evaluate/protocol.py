@@ -184,15 +184,15 @@ class Study:
         self, step: tuple[str, str], face: Reconstruction, mask: np.ndarray, shot: Shot
     ) -> Relit:
         light = shot.light
-        traced = key(step, light.environment, self.samples, self.seed, code(RENDERING))
+        picture = key(step, light.environment, self.samples, self.seed, code(RENDERING))
         image = self.store.picture(
             f"{step[0]}-relit-{light.name}",
-            traced,
+            picture,
             lambda: self._relight(face, light.environment),
         )
         metrics = self.store.values(
             f"{step[0]}-metrics-{light.name}",
-            key(traced, shot.image, mask, code(("evaluate/metrics.py", "evaluate/lpips.py"))),
+            key(picture, shot.image, mask, code(("evaluate/metrics.py", "evaluate/lpips.py"))),
             lambda: compare(image, shot.image, mask),
         )
         return Relit(light.name, image, shot.image, metrics)

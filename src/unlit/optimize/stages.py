@@ -132,11 +132,12 @@ class _Run:
         return replace(estimate, **{name: dr.detach(self.adam[name]) for name in names})
 
 
-def _smoothness(stage: Stage, problem: Problem, log_diffuse: Any, log_specular: Any) -> Any:
+def _smoothness(
+    stage: Stage, problem: Problem, log_diffuse: Any, log_specular: Any, scale: float
+) -> Any:
     """Smoothness of both albedo maps per texel (section 3.2), the same at every resolution."""
     settings = problem.settings
     # The difference of neighbours falls as 1 / resolution.
-    scale = settings.detail_smoothness if stage is settings.stage5 else 1.0
     unit = dr.opaque(mi.Float, scale * problem.camera.width / 512)
     seen = encode(dr.exp(log_diffuse))
     diffuse = stage.diffuse_smoothness * total_variation(seen, problem.neighbours)
@@ -218,11 +219,19 @@ def _gloss(settings: Settings, log_specular: Any, s: Any, weight: Any) -> Any:
     return settings.specular_cost * gloss_l1(log_specular, settings.nominal_specular, s, weight)
 
 
-def _map_loss(problem: Problem, stage: Stage, adam: Adam, e: Any, s: Any, weight: Any) -> Any:
+def _map_loss(
+    problem: Problem,
+    stage: Stage,
+    adam: Adam,
+    e: Any,
+    s: Any,
+    weight: Any,
+    smoothness: float = 1.0,
+) -> Any:
     """What stages 2 to 5 ask of the albedo maps: the image, smoothness, plain gloss."""
     image = _render(adam["log_diffuse"], adam["log_specular"], e, s)
     loss = stage.image * image_l1(image, problem.target, weight)
-    loss += _smoothness(stage, problem, adam["log_diffuse"], adam["log_specular"])
+    loss += _smoothness(stage, problem, adam["log_diffuse"], adam["log_specular"], smoothness)
     return loss + _gloss(problem.settings, adam["log_specular"], s, weight)
 
 
@@ -361,7 +370,7 @@ def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate
 
 
 def _normals_and_albedo(
-    problem: Problem, estimate: Estimate, shading: Shading, name: str
+    problem: Problem, estimate: Estimate, shading: Shading, name: str, smoothness: float = 1.0
 ) -> Estimate:
     """Stages 4 and 5: albedo maps and normal perturbation under a fixed light and mesh."""
     settings: Settings = problem.settings
@@ -392,7 +401,7 @@ def _normals_and_albedo(
             weight = _trusted(problem, local.diffuse + shading.indirect[0])
         e, s = local.shade(diffuse_normal, specular_normal)
         e, s = e + shading.indirect[0], s + shading.indirect[1]
-        loss = _map_loss(problem, stage, adam, e, s, weight)
+        loss = _map_loss(problem, stage, adam, e, s, weight, smoothness)
         loss += stage.normal * settings.normal_scale * normal_l2(perturbation)
         run.step(iteration, loss)
     return run.result(estimate, *names)
@@ -405,7 +414,8 @@ def stage4(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
 
 def stage5(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     """High-frequency albedo: the same unknowns under weaker smoothness (section 3.5)."""
-    return _normals_and_albedo(problem, estimate, shading, "stage5")
+    smoothness = problem.settings.detail_smoothness
+    return _normals_and_albedo(problem, estimate, shading, "stage5", smoothness)
 
 
 class Landmarks:
