@@ -204,16 +204,24 @@ class Shading:
     `indirect` (E, S: mi.Color3f of width P) is held constant between two calls of `update`.
     """
 
-    def __init__(self, problem: Problem, cells: Cells) -> None:
+    def __init__(self, problem: Problem, cells: Cells, factors: Bounce | None = None) -> None:
         self.problem, self.cells = problem, cells
         self.directions = Directions(cells)
         self.points = problem.points()
         self.bits = visibility(problem.mesh.scene, self.points, self.directions)
+        self.factors = factors or self._factors()
+        self.bounce = self.factors.under(self.directions)
+        self.indirect: tuple[Any, Any] = (mi.Color3f(0), mi.Color3f(0))
+
+    def _factors(self) -> Bounce:
+        problem = self.problem
         roughness = problem.image(problem.roughness)
         bounces = problem.settings.bounces
-        bounce = Bounce(problem.mesh, problem.camera, problem.hits, roughness, bounces)
-        self.bounce = bounce.under(self.directions)
-        self.indirect: tuple[Any, Any] = (mi.Color3f(0), mi.Color3f(0))
+        return Bounce(problem.mesh, problem.camera, problem.hits, roughness, bounces)
+
+    def under(self, cells: Cells) -> Shading:
+        """The same geometry under another quadrature: form factors do not depend on it."""
+        return Shading(self.problem, cells, self.factors)
 
     def update(self, radiance: np.ndarray, maps: Maps) -> None:
         """Bring the indirect light up to date with the light's cell means (D,) and the maps."""

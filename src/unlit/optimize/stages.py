@@ -18,10 +18,12 @@ from .._runtime import mitsuba
 from ..render.transport import linearize
 from ..scene.arrays import device
 from ..scene.cells import Cells, grid_cells, refine
+from ..scene.gather import Corners
 from ..scene.light import grid_lobes
 from ..scene.lobes import CellRadiance
 from ..scene.maps import DIFFUSE_BLUR
-from ..scene.mesh import corners_of, surface, vertex_normals
+from ..scene.mesh import surface, vertex_normals
+from .blend import Blend
 from .blur import Blur
 from .losses import encode, gloss_l1, image_l1, landmark_l2, normal_l2, shape_l2, total_variation
 from .optimizer import Adam
@@ -156,8 +158,7 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     settings, stage = problem.settings, problem.settings.stage1
     sample = LightSample(problem, shading)
     cells = CellRadiance(shading.cells)
-    everywhere = [device(mi.Float, r) for r in problem.regions.T]
-    masks = [sample.of(r) for r in everywhere]
+    everywhere, sampled = Blend(problem.regions), Blend(problem.regions[sample.rows])
 
     diffuse, specular = _base_start(problem, sample, cells, estimate)
     run = _Run(
@@ -168,12 +169,14 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     )
     adam = run.adam
 
+    def blended(blend: Blend) -> tuple[Any, Any]:
+        base = blend(dr.exp(adam["log_diffuse"]), dr.exp(adam["log_specular"]))
+        return dr.log(base[0]), dr.log(base[1])
+
     def spread() -> Estimate:
-        return replace(
-            run.result(estimate, *_light_parameters(estimate)),
-            log_diffuse=dr.detach(_spread(everywhere, adam["log_diffuse"])),
-            log_specular=dr.detach(_spread(everywhere, adam["log_specular"])),
-        )
+        diffuse, specular = dr.detach(blended(everywhere))
+        light = run.result(estimate, *_light_parameters(estimate))
+        return replace(light, log_diffuse=diffuse, log_specular=specular)
 
     for iteration in range(stage.iterations):
         if iteration % settings.refresh_interval == 0:
@@ -183,8 +186,8 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
         radiance = _radiance(cells, adam)
         e, s = sample.transport.shade(radiance)
         e, s = e + sample.of(shading.indirect[0]), s + sample.of(shading.indirect[1])
-        log_specular = _spread(masks, adam["log_specular"])
-        image = _render(_spread(masks, adam["log_diffuse"]), log_specular, e, s)
+        log_diffuse, log_specular = blended(sampled)
+        image = _render(log_diffuse, log_specular, e, s)
         loss = stage.image * image_l1(image, sample.target, sample.weight)
         loss += _gloss(settings, log_specular, s, sample.weight)
         run.step(iteration, loss)
@@ -205,13 +208,6 @@ def _base_start(
     log_colours = np.log(np.maximum(np.array(colours), 1e-3)).astype(np.float32)
     specular = np.full(len(colours), np.log(problem.settings.nominal_specular), dtype=np.float32)
     return device(mi.Color3f, log_colours), device(mi.Float, specular)
-
-
-def _spread(masks: list[Any], log_base: Any) -> Any:
-    """Log of the blend of the regions' base albedos by their soft masks."""
-    kind = type(log_base)
-    base = dr.exp(log_base)
-    return dr.log(sum(m * dr.gather(kind, base, mi.UInt32(k)) for k, m in enumerate(masks)))
 
 
 def _gloss(settings: Settings, log_specular: Any, s: Any, weight: Any) -> Any:
@@ -292,7 +288,7 @@ def stage2(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     return run.result(estimate, *names)
 
 
-def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate, Shading]:
+def stage3(problem: Problem, estimate: Estimate, shading: Shading) -> tuple[Estimate, Shading]:
     """Shape: vertices through the large-steps preconditioner, textures in image space (3.3).
 
     Shading is linearised in the normals and refreshed every `refresh_interval` iterations; rays
@@ -322,8 +318,8 @@ def stage3(problem: Problem, estimate: Estimate, cells: Cells) -> tuple[Estimate
     )
     adam = run.adam
     landmarks = Landmarks(problem)
+    cells = shading.cells
     of_lobes = CellRadiance(cells)
-    shading = Shading(problem, cells)
     sample = LightSample(problem, shading)
     traced = begin
     local: Any = None
@@ -425,7 +421,7 @@ class Landmarks:
         evidence = problem.evidence
         used = np.flatnonzero((evidence.landmark_weight > 0) & (evidence.landmark_triangle >= 0))
         corner = evidence.triangles[evidence.landmark_triangle[used]]
-        self.corners = corners_of(corner, len(evidence.vertices))
+        self.corners = Corners(corner, len(evidence.vertices))
         self.share = device(mi.Vector3f, evidence.landmark_barycentric[used])
         self.detected = device(mi.Point2f, evidence.landmarks[used, :2])
         weight = evidence.landmark_weight[used]
@@ -439,7 +435,8 @@ class Landmarks:
         if not dr.width(self.weight):
             return mi.Float(0)
         focal, cx, cy = self.pinhole
-        point: Any = sum(corner(vertices) * self.share[i] for i, corner in enumerate(self.corners))
+        ((a, b, c),) = self.corners(vertices)
+        point = a * self.share.x + b * self.share.y + c * self.share.z
         scale = focal / -point.z
         projected = mi.Point2f(cx + point.x * scale, cy - point.y * scale)
         return landmark_l2(projected, self.detected, self.weight, self.width)
@@ -473,27 +470,28 @@ def run_stages(
     settings = problem.settings
     begin = begin or Begin(0, start(problem))
     done, estimate = begin.done, begin.estimate
-    cells = grid_cells(settings.cell_rows, settings.cell_columns)
+    regular = grid_cells(settings.cell_rows, settings.cell_columns)
 
     def ended(name: str, estimate: Estimate, shading: Shading) -> Estimate:
         estimate = Estimate.of(estimate.arrays())
         after(name, estimate, shading)
         return estimate
 
+    def refined(estimate: Estimate) -> Cells:
+        return refine(regular, estimate.light().rasterize(), limit=settings.max_cells)
+
+    shading = Shading(problem, begin.cells or (refined(estimate) if done else regular))
     if done < 1:
-        shading = Shading(problem, cells)
         estimate = exposed(problem, stage1(problem, estimate, shading), shading)
         estimate = ended("stage1", estimate, shading)
-    cells = begin.cells or refine(cells, estimate.light().rasterize(), limit=settings.max_cells)
+        shading = shading.under(refined(estimate))
     if done < 2:
-        shading = Shading(problem, cells)
         estimate = exposed(problem, stage2(problem, estimate, shading), shading)
         estimate = ended("stage2", estimate, shading)
     if done < 3:
-        estimate, shading = stage3(problem, estimate, cells)
+        estimate, shading = stage3(problem, estimate, shading)
         estimate = ended("stage3", exposed(problem, estimate, shading), shading)
     else:
-        shading = Shading(problem, cells)
         shading.points = problem.points(*begin.normals)
     if done < 4:
         estimate = ended("stage4", stage4(problem, estimate, shading), shading)

@@ -1,4 +1,4 @@
-"""Gather with a deterministic adjoint.
+"""The corners of triangles, with a deterministic adjoint.
 
 The adjoint of a gather adds into shared elements. Dr.Jit does that with atomics, in an order that
 changes from run to run, and so do the last bits of every sum. Here the sum is a sparse product in
@@ -20,27 +20,41 @@ from .linear import linear
 mi = mitsuba()
 
 
-class Gather:
-    """Fixed indices (N,) into arrays of `size` elements."""
+class Corners:
+    """Triangles (F, 3) as indices into arrays of V elements."""
 
-    def __init__(self, index: np.ndarray, size: int) -> None:
-        self.index = device(mi.UInt32, index)
-        count = len(index)
-        ones = np.ones(count, dtype=np.float32)
-        self._sum = sparse.csr_matrix((ones, (index, np.arange(count))), shape=(size, count))
+    def __init__(self, triangles: np.ndarray, vertices: int) -> None:
+        triangles = np.asarray(triangles)
+        self.index = [device(mi.UInt32, column) for column in triangles.T]
+        shape, ones = (vertices, triangles.size), np.ones(triangles.size, dtype=np.float32)
+        element = np.arange(triangles.size)
+        self._sum = sparse.csr_matrix((ones, (triangles.T.ravel(), element)), shape=shape)
+        once = sparse.csr_matrix((ones, element % len(triangles), np.arange(triangles.size + 1)))
+        self._total = self._sum @ once
 
-    def __call__(self, source: Any) -> Any:
-        """source[index], of the type of `source` (mi.Point3f, mi.Vector3f, ...); differentiable."""
-        return linear(self.pick, self.add, source)
+    def __call__(self, *sources: Any) -> list[Any]:
+        """The three corners' values (a, b, c) of each source; differentiable.
+
+        sources: mi.Point3f, mi.Vector3f, ... of width V; each result has width F. Ask for several
+        at once: what a loss says of all of them is then computed once, and not once for each.
+        """
+        return linear(self._pick, self._add, list(sources))
 
     def total(self, values: Any) -> Any:
-        """For each of the `size` elements the sum of the `values` that belong to it."""
-        return linear(self.add, self.pick, values)
+        """For each of the V elements the sum over its triangles of `values` (F); differentiable."""
+        return linear(self._around, self._spread, values)
 
-    def pick(self, source: Any) -> Any:
-        """The gather itself, without derivatives."""
-        return dr.gather(type(source), source, self.index)
+    def _pick(self, sources: list[Any]) -> list[Any]:
+        return [tuple(dr.gather(type(s), s, i) for i in self.index) for s in sources]
 
-    def add(self, values: Any) -> Any:
-        """The sum itself, without derivatives."""
-        return device(type(values), self._sum @ values.numpy().T)
+    def _add(self, corners: list[Any]) -> list[Any]:
+        dr.eval(corners)
+        rows = [np.hstack([corner.numpy() for corner in of]).T for of in corners]
+        sums = np.hsplit(self._sum @ np.hstack(rows), len(rows))
+        return [device(type(of[0]), s) for of, s in zip(corners, sums, strict=True)]
+
+    def _around(self, values: Any) -> Any:
+        return device(type(values), self._total @ values.numpy().T)
+
+    def _spread(self, elements: Any) -> Any:
+        return sum(dr.gather(type(elements), elements, i) for i in self.index)

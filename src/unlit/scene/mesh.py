@@ -15,18 +15,9 @@ import numpy as np
 from .._runtime import mitsuba
 from .arrays import device
 from .camera import Camera
-from .gather import Gather
+from .gather import Corners
 
 mi = mitsuba()
-
-
-Corners = tuple[Gather, Gather, Gather]
-
-
-def corners_of(triangles: np.ndarray, vertices: int) -> Corners:
-    """Gathers of the three corners of triangles (F, 3) from arrays of `vertices` elements."""
-    a, b, c = (Gather(np.asarray(column), vertices) for column in np.asarray(triangles).T)
-    return a, b, c
 
 
 def vertex_normals(vertices: Any, corners: Corners) -> Any:
@@ -34,9 +25,8 @@ def vertex_normals(vertices: Any, corners: Corners) -> Any:
 
     vertices: mi.Point3f of width V; corners: of the F triangles. Returns mi.Vector3f, width V.
     """
-    a, b, c = (corner(vertices) for corner in corners)
-    face = mi.Vector3f(dr.cross(b - a, c - a))
-    total: Any = sum(corner.total(face) for corner in corners)
+    ((a, b, c),) = corners(vertices)
+    total = corners.total(mi.Vector3f(dr.cross(b - a, c - a)))
     # A vertex without triangles has no normal; it must not become NaN in the gradient either.
     return total * dr.rsqrt(dr.fmax(dr.squared_norm(total), 1e-20))
 
@@ -57,7 +47,7 @@ class Mesh:
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:
         self.triangles = device(mi.Vector3u, triangles)
-        self.corners = corners_of(triangles, len(vertices))
+        self.corners = Corners(triangles, len(vertices))
         self.vertices = mi.Point3f()
         self.normals = mi.Vector3f()
         self._mesh = mi.Mesh("face", len(vertices), len(triangles), has_vertex_normals=True)
@@ -84,14 +74,15 @@ class Mesh:
             self._scene_parameters.update()
 
     def hit_corners(self, hits: Hits) -> Corners:
-        """Gathers of the corners of the triangles that were hit."""
+        """The corners of the triangles that were hit."""
         triangles = self.triangles.numpy().T[hits.triangle.numpy()]
-        return corners_of(triangles, dr.width(self.vertices))
+        return Corners(triangles, dr.width(self.vertices))
 
     def camera_hits(self, camera: Camera) -> Hits:
         """The triangle seen through each pixel centre of `camera`, for the pixels that see one."""
         ray = camera_rays(camera, dr.arange(mi.UInt32, camera.width * camera.height))
         hit = self.scene.ray_intersect_preliminary(ray, coherent=True)
+        dr.eval(hit)  # else the rays are traced twice, for the pixels and for their triangles
         pixel = dr.compress(hit.is_valid())
         triangle = dr.gather(mi.UInt32, hit.prim_index, pixel)
         dr.eval(pixel, triangle)
@@ -147,8 +138,7 @@ def surface(
         a, b, c = (dr.gather(mi.Point3f, vertices, corner[i]) for i in range(3))
         na, nb, nc = (dr.gather(mi.Vector3f, normals, corner[i]) for i in range(3))
     else:
-        a, b, c = (corner(vertices) for corner in corners)
-        na, nb, nc = (corner(normals) for corner in corners)
+        (a, b, c), (na, nb, nc) = corners(vertices, normals)
     weights = barycentric(camera_rays(camera, hits.pixel).d, a, b, c)
     position = a * weights.x + b * weights.y + c * weights.z
     normal = na * weights.x + nb * weights.y + nc * weights.z

@@ -6,11 +6,11 @@ import pytest
 
 from bumpy_head import ball, bumpy_head, camera
 from unlit._runtime import mitsuba
+from unlit.scene.gather import Corners
 from unlit.scene.mesh import (
     Mesh,
     barycentric,
     camera_rays,
-    corners_of,
     surface,
     surface_weights,
     vertex_normals,
@@ -50,7 +50,7 @@ def test_vertex_without_triangles_is_no_nan() -> None:
     """A stray vertex has no normal; it must not spoil values or gradients."""
     vertices = mi.Point3f([0, 1, 0, 5], [0, 0, 1, 5], [-5, -5, -5, -5])
     dr.enable_grad(vertices)
-    normals = vertex_normals(vertices, corners_of(np.array([[0, 1, 2]]), dr.width(vertices)))
+    normals = vertex_normals(vertices, Corners(np.array([[0, 1, 2]]), dr.width(vertices)))
     assert np.isfinite(normals.numpy()).all()
     dr.backward(dr.sum(normals.x + normals.z))
     assert np.isfinite(dr.grad(vertices).numpy()).all()
