@@ -26,11 +26,14 @@ class Corners:
     def __init__(self, triangles: np.ndarray, vertices: int) -> None:
         triangles = np.asarray(triangles)
         self.index = [device(mi.UInt32, column) for column in triangles.T]
-        shape, ones = (vertices, triangles.size), np.ones(triangles.size, dtype=np.float32)
-        element = np.arange(triangles.size)
-        self._sum = sparse.csr_matrix((ones, (triangles.T.ravel(), element)), shape=shape)
-        once = sparse.csr_matrix((ones, element % len(triangles), np.arange(triangles.size + 1)))
-        self._total = self._sum @ once
+        faces, element = len(triangles), np.arange(triangles.size)
+        ones = np.ones(triangles.size, dtype=np.float32)
+        self._sum = sparse.csr_matrix(
+            (ones, (triangles.T.ravel(), element)), shape=(vertices, triangles.size)
+        )
+        self._total = sparse.csr_matrix(
+            (ones, (triangles.T.ravel(), np.tile(np.arange(faces), 3))), shape=(vertices, faces)
+        )
 
     def __call__(self, *sources: Any) -> list[Any]:
         """The three corners' values (a, b, c) of each source; differentiable.

@@ -53,3 +53,11 @@ def test_adjoint_of_total() -> None:
     dr.enable_grad(values)
     dr.backward(dr.sum(dr.dot(corners.total(values), device(mi.Vector3f, asked))))
     np.testing.assert_allclose(dr.grad(values).numpy().T, asked[TRIANGLES].sum(axis=1), atol=1e-5)
+
+
+def test_no_triangles() -> None:
+    """A mesh without landmarks asks for the corners of none."""
+    corners = Corners(np.zeros((0, 3), dtype=int), 5)
+    ((a, _, _),) = corners(device(mi.Point3f, RNG.normal(size=(5, 3))))
+    assert dr.width(a) == 0
+    assert not corners.total(a).numpy().any()
