@@ -34,6 +34,18 @@ _LABELS = {
 _PLAIN_SECONDS = 10.0
 
 
+def standard_error() -> Console:
+    """Where progress is printed: plain text, wrapped by the terminal only."""
+    return Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+def clock(seconds: float) -> str:
+    """Seconds as minutes:seconds, from an hour on as hours:minutes:seconds."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+
+
 def settings_block(settings: dict[str, Any]) -> list[str]:
     """Readable lines of nested settings: tables side by side, then single values."""
     stages = {name: value for name, value in settings.items() if isinstance(value, dict)}
@@ -54,7 +66,7 @@ class RunConsole:
     """
 
     def __init__(self, iterations: dict[str, int], console: Console | None = None) -> None:
-        self.console = console or Console(stderr=True, highlight=False, soft_wrap=True)
+        self.console = console or standard_error()
         self._plan = {
             "photo": (_FIXED_COST["photo"], 0.0),
             "perception": (_FIXED_COST["perception"], 0.0),
@@ -121,18 +133,18 @@ class RunConsole:
         share = self._share(stage, iteration / max(iterations, 1))
         # At the very start nothing has been measured that the time left could be scaled to.
         known = share > 0.02 and now - self._start > 1
-        left = f"{_clock((now - self._start) * (1 - share) / share)} left" if known else ""
+        left = f"{clock((now - self._start) * (1 - share) / share)} left" if known else ""
         if self._bar is not None:
             state = "  ".join(part for part in (numbers, left) if part)
             self._bar.update(self._task, description=label, completed=share, state=state)
         elif begins or now - self._said >= _PLAIN_SECONDS:
-            parts = (_clock(now - self._start), label, numbers, left)
+            parts = (clock(now - self._start), label, numbers, left)
             self.console.print("  ".join(part for part in parts if part), markup=False)
             self._said = now
 
     def _end_stage(self, now: float) -> None:
         if self._stage.startswith("stage"):
-            line = f"{_clock(now - self._start)}  {_LABELS.get(self._stage, self._stage)}"
+            line = f"{clock(now - self._start)}  {_LABELS.get(self._stage, self._stage)}"
             self.say(f"{line}  {self._last}")
 
     def _share(self, stage: str, part: float) -> float:
@@ -150,7 +162,7 @@ class FetchConsole:
     """Prints the progress of a download; call it with (asset, bytes so far, bytes in all)."""
 
     def __init__(self, console: Console | None = None) -> None:
-        self.console = console or Console(stderr=True, highlight=False, soft_wrap=True)
+        self.console = console or standard_error()
         self._shown = ""
 
     def __call__(self, asset: Any, done: int, total: int) -> None:
@@ -170,7 +182,7 @@ class StepConsole:
     """Prints the progress of a few steps; call it with (what is done now, steps done, of all)."""
 
     def __init__(self, console: Console | None = None) -> None:
-        self.console = console or Console(stderr=True, highlight=False, soft_wrap=True)
+        self.console = console or standard_error()
         self._said = time.monotonic()
 
     def __call__(self, what: str, done: int, total: int) -> None:
@@ -182,8 +194,3 @@ class StepConsole:
             self.console.print(f"{what}  {done}/{total}" if done else what, markup=False)
             self._said = time.monotonic()
         sys.stderr.flush()
-
-
-def _clock(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes}:{rest:02d}"

@@ -33,6 +33,11 @@ def kept_fit(face: Reconstruction, stage: int, settings: Settings) -> Fit:
         )
     if not 1 <= stage <= len(TABLE_1):
         raise SettingsError(f"stage {stage}: choose 1 to {len(TABLE_1)}")
+    if settings.light_color != face.settings.get("light_color", "white"):
+        raise SettingsError(
+            f"light_color={settings.light_color}: the saved result keeps its light's colour; "
+            "reconstruct the photo again to change it"
+        )
     if settings.resolution != len(face.image):
         raise SettingsError(
             f"resolution={settings.resolution}: the saved result has {len(face.image)}; "
@@ -55,8 +60,17 @@ def continued(
     Raises what `kept_fit` raises.
     """
     fit, metrics = kept_fit(face, stage, settings), face.metrics
+    unit = metrics.get("unit_cd_m2")
     capture = Capture(
-        face.photo_name, face.image, face.camera, face.crop, Regions(face.regions), fit.landmarks
+        face.photo_name,
+        face.image,
+        face.camera,
+        face.crop,
+        Regions(face.regions),
+        fit.landmarks,
+        face.light.color,
+        metrics.get("light_color"),
+        unit if isinstance(unit, float) else None,
     )
     head = Head(
         fit.vertices,
@@ -84,17 +98,20 @@ def continued(
 
 
 def _estimate(problem: Problem, face: Reconstruction) -> Estimate:
+    """`face` as the stages left it."""
+    gain = np.float32(face.gain)
+
     def rows(image: np.ndarray) -> np.ndarray:
         return image.reshape(-1, *image.shape[2:])[problem.pixel]
 
     return Estimate.of(
         {
             "vertices": face.vertices,
-            "log_diffuse": np.log(np.maximum(rows(face.diffuse_albedo), _LEAST)),
-            "log_specular": np.log(np.maximum(rows(face.specular_albedo), _LEAST)),
+            "log_diffuse": np.log(np.maximum(rows(face.diffuse_albedo) / gain, _LEAST)),
+            "log_specular": np.log(np.maximum(rows(face.specular_albedo) / gain, _LEAST)),
             "perturbation": rows(face.perturbation),
             "axis": face.light.axis,
             "log_sharpness": np.log(np.maximum(face.light.sharpness, _LEAST)),
-            "log_amplitude": np.log(np.maximum(face.light.amplitude, _LEAST_LIGHT)),
+            "log_amplitude": np.log(np.maximum(face.light.amplitude * gain, _LEAST_LIGHT)),
         }
     )

@@ -14,6 +14,7 @@ from pathlib import Path
 from . import assets
 from ._runtime import llvm_library
 from .errors import ModelError
+from .footprint import cores
 
 # A run at the paper's settings (512 x 512) stays below this.
 NEEDED_MEMORY = 3 << 30
@@ -205,5 +206,4 @@ def _disk() -> Check:
 
 
 def _cores() -> Check:
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return Check("cores", True, f"{usable or 1} usable")
+    return Check("cores", True, f"{cores()} usable")

@@ -8,12 +8,13 @@ import numpy as np
 
 from .color import encode_srgb
 from .optimize.losses import EXPOSED
+from .optimize.schedule import Settings
 from .reconstruction import Reconstruction
 
 _SHADOW = 0.1  # of the strongest light on the face, which is 1 by convention
 _SHADOWED_SHARE = 0.1
 _CLIPPED_SHARE = 0.01
-_WHITE = 0.995
+_NEAR = 0.995
 #: Of the eye distance: 0.018 to 0.048 on portraits that fitted well (docs/method.md).
 _RESIDUAL = 0.055
 
@@ -24,13 +25,18 @@ def findings(r: Reconstruction) -> list[str]:
     if not inside.any():
         return ["No pixel was measured: the face is hidden or was not found."]
     photo = encode_srgb(r.image[inside])
+    # As in the stages: the best-lit skin has E = 1, and the light no colour.
+    albedo = r.diffuse_albedo / np.float32(r.gain)
+    shading = r.diffuse_shading * np.float32(r.gain) / r.light.color
+    bound = r.settings.get("max_diffuse", Settings.max_diffuse)
     found = [
-        _shadowed(_share(r.diffuse_shading[inside].mean(axis=1) < _SHADOW)),
+        _shadowed(_share(shading[inside].mean(axis=1) < _SHADOW)),
         _saturated(_share((photo >= EXPOSED[1]).any(axis=1))),
         _crushed(_share((photo <= EXPOSED[0]).all(axis=1))),
-        _at_bound(_share((r.diffuse_albedo[inside] >= _WHITE).any(axis=1))),
+        _at_bound(_share((albedo[inside] >= _NEAR * bound).any(axis=1))),
         _small(r, inside),
         _misfit(r.metrics.get("landmark_residual")),
+        _light_color(r.metrics.get("light_color")),
     ]
     return [sentence for sentence in found if sentence]
 
@@ -70,8 +76,8 @@ def _at_bound(share: float) -> str:
     if share < _CLIPPED_SHARE:
         return ""
     return (
-        f"Clipped: the diffuse albedo of {share:.1%} of the face lies at its bound of 1. The light "
-        "is probably taken for too weak there."
+        f"Clipped: the diffuse albedo of {share:.1%} of the face lies at its upper bound. The "
+        "light is probably taken for too weak there."
     )
 
 
@@ -92,4 +98,19 @@ def _misfit(residual: Any) -> str:
     return (
         f"Large landmark residual: the fitted head misses the landmarks by {residual:.1%} of the "
         "eye distance on average. Look at the mesh; normals and light may be wrong."
+    )
+
+
+def _light_color(found: Any) -> str:
+    if not isinstance(found, dict):
+        return ""
+    kelvin, low, high = (found.get(name) for name in ("kelvin", "low", "high"))
+    if not all(isinstance(value, int | float) for value in (kelvin, low, high)):
+        return "Light's colour: too little plain skin to tell it; it was taken for white."
+    seen = f"the gloss of the skin says {kelvin:.0f} K ({low:.0f} to {high:.0f})"
+    if not found.get("used"):
+        return f"Light's colour: {seen}, which is not told from white; it was taken for white."
+    return (
+        f"Light's colour: {seen}, and the albedo was corrected for it. A grey card in the photo "
+        "tells it better; light from several lamps of different colours has no single one."
     )

@@ -45,6 +45,10 @@ _DAMAGED = (
 # Diagonal of the 36 mm x 24 mm film frame, by which equivalent focal lengths are defined.
 _FILM_DIAGONAL_MM = math.hypot(36, 24)
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
+#: Luminance, cd/m^2, that a photo records as 1, times t S / N^2 (exposure time in seconds, ISO
+#: speed, f-number). By ISO 12232 a camera of standard output sensitivity S puts 10 / S lx s on the
+#: sensor for the encoded value 118 of 255, and a lens 0.65 t / N^2 lx s for each cd/m^2.
+CALIBRATION = 10 / (0.65 * 0.1812)
 # In diagonals of the photo: equivalents of 9 to 300 mm. Others are wrong entries, such as those of
 # a picture that was reduced with its sensor resolution left as it was.
 _FOCAL_RANGE = (0.2, 7.0)
@@ -64,6 +68,8 @@ class Photo:
         of sRGB have components below 0 or above 1.
     alpha: (H, W) float32 in [0, 1], not multiplied into the pixels; None for an opaque photo.
     focal: focal length in pixels of this image from the EXIF entries, or None.
+    unit: luminance, cd/m^2, that the value 1 stands for by exposure time, f-number and ISO speed
+        in EXIF (CALIBRATION), or None.
     source: the file's name, for messages.
     colours: how the colours were found, for the log: by the ICC profile, or as sRGB.
     """
@@ -73,6 +79,7 @@ class Photo:
     focal: float | None
     source: str
     colours: str = "sRGB (no profile)"
+    unit: float | None = None
 
     @staticmethod
     def of(pixels: np.ndarray, source: str = "array") -> Photo:
@@ -154,7 +161,7 @@ def _upright_photo(decoded: _Decoded, source: str) -> Photo:
     pixels, colours = _linear(decoded)
     pixels = _upright(pixels, decoded.orientation)
     focal = focal_from_exif(decoded.exif, pixels.shape[1], pixels.shape[0])
-    return Photo(pixels, alpha, focal, source, colours)
+    return Photo(pixels, alpha, focal, source, colours, unit_from_exif(decoded.exif))
 
 
 def _first_line(error: Exception) -> str:
@@ -367,6 +374,17 @@ def focal_from_exif(exif: Image.Exif, width: int, height: int) -> float | None:
         scale = long_side / taken_long if taken_long else 1.0
         focal = _number(tags, base.FocalLength) * pixels_per_mm * scale
     return focal if _FOCAL_RANGE[0] < focal / diagonal < _FOCAL_RANGE[1] else None
+
+
+def unit_from_exif(exif: Image.Exif) -> float | None:
+    """Luminance, cd/m^2, that the value 1 stands for, or None if not known."""
+    tags, base = exif.get_ifd(ExifTags.IFD.Exif), ExifTags.Base
+    time, number = _number(tags, base.ExposureTime), _number(tags, base.FNumber)
+    speed = tags.get(base.ISOSpeedRatings, 0)  # some cameras write several
+    speed = _number({0: speed[0] if isinstance(speed, tuple) and speed else speed}, 0)
+    if not (time and number and speed):
+        return None
+    return CALIBRATION * number**2 / (time * speed)
 
 
 def _number(tags: Mapping[int, Any], tag: int) -> float:

@@ -7,7 +7,7 @@ import copy
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +15,17 @@ import drjit as dr
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from . import exposure, illuminant
 from ._runtime import mitsuba
 from .errors import FaceError
-from .evaluate.store import key
 from .findings import findings
+from .fingerprint import key
 from .head.fit import LandmarkProblem
 from .head.model import HeadModel, default_model
+from .illuminant import WHITE
 from .mask import painted, read_mask
 from .optimize.checkpoint import Checkpoint
+from .optimize.light_color import estimated_color
 from .optimize.photometric import photometric_fit
 from .optimize.problem import Estimate, Evidence, Problem, Progress, Shading
 from .optimize.schedule import PRESETS, Settings, as_dict
@@ -58,7 +61,8 @@ class Capture:
     """A photo's face crop and what perception says of it, at the crop's size S x S.
 
     image: (S, S, 3) linear sRGB. landmarks: (478, 3) crop pixels. Together with `camera`, all
-    that the later steps see of the photo.
+    that the later steps see of the photo. light_color: (3,) linear sRGB (`illuminant.fitting`).
+    light_found: what an estimate of it says of itself, for metrics.json. unit: as in Photo.
     """
 
     photo_name: str
@@ -67,6 +71,14 @@ class Capture:
     crop: Crop
     regions: Regions
     landmarks: np.ndarray
+    light_color: np.ndarray = field(default_factory=WHITE.copy)
+    light_found: dict[str, float] | None = None
+    unit: float | None = None
+
+    @property
+    def balanced(self) -> np.ndarray:
+        """The image as it would be under white light."""
+        return self.image if (self.light_color == 1).all() else self.image / self.light_color
 
 
 @dataclass(frozen=True)
@@ -99,7 +111,8 @@ def reconstruct(
     """Reconstruct the face in `photo` (paper, sections 2 and 3).
 
     photo: a file, a Photo, or an array (H, W, 3): uint8 sRGB-encoded or float linear sRGB.
-    face: "only" (several faces are an error), "largest", or a number counted from the largest, 0.
+    face: "only" (several faces are an error), "largest", "left" or "right" (the leftmost or
+        rightmost in the picture), or a number counted from the largest, 0.
     model: the head model to fit; the default is MakeHuman's head.
     mask: a picture file or an array (H, W) in [0, 1] of the photo's size; 0 leaves skin out.
     progress: called with (stage, iteration, iterations, loss). preview: called with the result so
@@ -123,6 +136,9 @@ def reconstruct(
     progress("fit", 0, 1, 0.0)
     head = fitted_head(capture, model or default_model())
     clock.lap("fit")
+    capture = with_light_color(capture, head, loaded, settings)
+    if capture.light_found is not None:
+        clock.lap("light color")
     if checkpoint is None:
         return solve(capture, head, settings, progress, preview, clock)
     return solve(
@@ -155,7 +171,8 @@ def observe(
     regions = segment(image, landmarks, found.blendshapes)
     if mask is not None:
         regions = painted(regions, regions.face * crop.image(mask))
-    return Capture(Path(photo.source).name, image, camera, crop, regions, landmarks)
+    name = Path(photo.source).name
+    return Capture(name, image, camera, crop, regions, landmarks, unit=photo.unit)
 
 
 def fitted_head(capture: Capture, model: HeadModel) -> Head:
@@ -175,6 +192,22 @@ def fitted_head(capture: Capture, model: HeadModel) -> Head:
         model.landmark_barycentric,
         fit.landmark_residual,
     )
+
+
+def with_light_color(capture: Capture, head: Head, photo: Photo, settings: Settings) -> Capture:
+    """`capture`, of `photo`, with the light's colour that the settings ask for.
+
+    Raises SettingsError where a grey card cannot be read.
+    """
+    asked = illuminant.parse(settings.light_color)
+    if asked.card is not None:
+        color, found = illuminant.of_card(photo, asked.card), None
+    elif asked.color is not None:
+        color, found = asked.color, None
+    else:
+        color, found = estimated_color(evidence(capture, head), settings)
+    face = capture.image[capture.regions.face > 0.5]
+    return replace(capture, light_color=illuminant.fitting(color, face), light_found=found)
 
 
 def solve(
@@ -197,6 +230,7 @@ def solve(
         problem = Problem(evidence(capture, head), settings, progress)
     except ValueError as error:
         raise FaceError(f"{capture.photo_name}: {error}; use a photo with a clearer view") from None
+    pin = _pin(capture, problem)
 
     def result(estimate: Estimate, shading: Shading | None) -> Reconstruction:
         metrics = {
@@ -205,7 +239,11 @@ def solve(
             "seconds": dict(lap.laps),
             "peak_memory_mb": _peak_memory(),
         }
-        return _result(capture, head, problem, estimate, shading, metrics)
+        if capture.unit is not None:
+            metrics["unit_cd_m2"] = capture.unit
+        if capture.light_found is not None:
+            metrics["light_color"] = capture.light_found
+        return _result(capture, head, problem, estimate, shading, pin, metrics)
 
     def after(stage: str, estimate: Estimate, shading: Shading) -> None:
         lap.lap(stage)
@@ -246,16 +284,19 @@ def choose(faces: list[Face], which: str | int, source: str) -> Face:
     if which == "only":
         if len(faces) > 1:
             raise FaceError(
-                f"{source}: {len(faces)} faces found; choose one with --face largest or --face N "
-                f"(0 to {len(faces) - 1}, from large to small), or crop the photo"
+                f"{source}: {len(faces)} faces found; choose one with --face largest, left, right "
+                f"or N (0 to {len(faces) - 1}, from large to small), or crop the photo"
             )
         return faces[0]
     if which == "largest":
         return faces[0]
+    if which in ("left", "right"):
+        return (min if which == "left" else max)(faces, key=lambda face: face.box[0] + face.box[2])
     if isinstance(which, int) and 0 <= which < len(faces):
         return faces[which]
     raise FaceError(
-        f"{source}: no face {which!r}; {len(faces)} found: use largest or 0 to {len(faces) - 1}"
+        f"{source}: no face {which!r}; {len(faces)} found: use largest, left, right or 0 to "
+        f"{len(faces) - 1}"
     )
 
 
@@ -273,7 +314,7 @@ def evidence(capture: Capture, head: Head) -> Evidence:
     """What the optimisation may use of the photo: soft masks, trust per pixel, the mesh."""
     face = capture.regions.face
     return Evidence(
-        image=capture.image,
+        image=capture.balanced,
         regions=capture.regions.weights[..., :4],
         mask=face > 0.5,
         weight=face,
@@ -293,6 +334,7 @@ def _result(
     problem: Problem,
     estimate: Estimate,
     shading: Shading | None,
+    pin: Callable[[np.ndarray, np.ndarray], float],
     metrics: dict[str, Any],
 ) -> Reconstruction:
     """Exact shading of `estimate` and everything else as NumPy arrays."""
@@ -305,16 +347,20 @@ def _result(
         "diffuse": device(mi.Vector3f, _rows(problem, maps.diffuse_perturbation())),
     }
     normals = {name: dr.normalize(mesh_normal + e) for name, e in bent.items()}
-    light = estimate.light()
     zero = np.zeros((*shape, 3), dtype=np.float32)
     e_image, s_image, render = zero, zero, zero
+    gain = 1.0
     if shading is not None:
         shading = copy.copy(shading)  # what the stages go on with is left as it is
         shading.points = problem.points(normals["diffuse"], normals["specular"])
-        radiance = CellRadiance(shading.cells).of(light)
-        shading.update(radiance, maps)
-        e, s = shading.shade(radiance)
-        e_image, s_image = problem.image(e, "zero"), problem.image(s, "zero")
+        e_image, s_image = _shade(problem, shading, estimate)
+        gain = pin(maps.diffuse_albedo, e_image)
+        if gain != 1:
+            estimate = _pinned(problem, shading, estimate, gain, e_image)
+            maps = problem.maps(estimate)
+            e_image, s_image = _shade(problem, shading, estimate)
+        if not (capture.light_color == 1).all():
+            e_image, s_image = e_image * capture.light_color, s_image * capture.light_color
         render = maps.diffuse_albedo * e_image + maps.specular_albedo[..., None] * s_image
     mask = np.zeros(shape, dtype=np.float32)
     mask.ravel()[problem.pixel] = capture.regions.face.ravel()[problem.pixel]
@@ -338,9 +384,10 @@ def _result(
         render=render,
         mask=mask,
         regions=capture.regions.weights,
-        light=light,
+        light=replace(estimate.light(), color=capture.light_color),
         settings=as_dict(problem.settings),
         metrics=metrics,
+        gain=gain,
         fit=Fit(
             np.asarray(head.vertices, np.float32),
             np.asarray(capture.landmarks[:, :2], np.float32),
@@ -348,6 +395,47 @@ def _result(
             np.asarray(head.landmark_barycentric, np.float32),
         ),
     )
+
+
+def _shade(problem: Problem, shading: Shading, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
+    """Exact E and S of `estimate` under its white light, (S, S, 3); 0 where nothing is seen."""
+    radiance = CellRadiance(shading.cells).of(estimate.light())
+    shading.update(radiance, problem.maps(estimate))
+    e, s = shading.shade(radiance)
+    return problem.image(e, "zero"), problem.image(s, "zero")
+
+
+def _pin(capture: Capture, problem: Problem) -> Callable[[np.ndarray, np.ndarray], float]:
+    """What finds the gain that the settings ask for, from diffuse albedo and E (S, S, 3)."""
+    known = exposure.parse(problem.settings.exposure)
+    if known == exposure.Known():
+        return lambda albedo, _: exposure.within_one(_rows(problem, albedo))
+    inside = np.zeros(capture.image.shape[:2], dtype=bool)
+    inside.ravel()[problem.pixel] = True
+    where = exposure.patch(known, capture.crop, inside, capture.regions.skin)
+    exposure.check_unit(known, capture.unit)
+
+    def pin(albedo: np.ndarray, e: np.ndarray) -> float:
+        full = exposure.full_light(e[inside] * capture.light_color)
+        return exposure.gain(known, albedo[where], full, capture.unit)
+
+    return pin
+
+
+def _pinned(
+    problem: Problem, shading: Shading, estimate: Estimate, gain: float, e: np.ndarray
+) -> Estimate:
+    """`estimate` with albedo times `gain` and a light under which it is as bright as before.
+
+    The light is not divided by `gain` alone: more albedo means more light from skin to skin.
+    """
+    changed = estimate.brightened(gain)
+    full = [
+        exposure.full_light(image.reshape(-1, 3)[problem.pixel])
+        for image in (e, _shade(problem, shading, changed)[0])
+    ]
+    rest = float(np.log(full[0] / (gain * full[1])))
+    return replace(changed, log_amplitude=changed.log_amplitude + rest)
 
 
 def _rows(problem: Problem, image: np.ndarray) -> np.ndarray:

@@ -47,7 +47,8 @@ class Reconstruction:
     diffuse_shading, specular_shading: (S, S, 3) linear; with the albedos they give `render`.
     render: (S, S, 3) linear sRGB. mask: (S, S) in [0, 1], where the maps are measured, not filled.
     regions: (S, S, 6) soft masks: skin, lips, eyes, eyebrows, mouth, background.
-    light: the 648 spherical Gaussians. photo_name: the photo's file name.
+    light: the 648 spherical Gaussians, and their colour. gain: what albedo was multiplied with, and
+    light divided by, after the stages (setting `exposure`). photo_name: the photo's file name.
     settings, metrics: plain values, as saved in reconstruction.toml and metrics.json.
     fit: what the stages started from; None in results saved before it was kept.
     """
@@ -75,6 +76,12 @@ class Reconstruction:
     settings: dict[str, Any]
     metrics: dict[str, Any]
     fit: Fit | None = None
+    gain: float = 1.0
+
+    @property
+    def light_color(self) -> np.ndarray:
+        """(3,) linear sRGB of the photo's light; all of its radiance is multiplied by it."""
+        return self.light.color
 
     def relight(self, light: np.ndarray | SphericalGaussians) -> np.ndarray:
         """The face under another light: (S, S, 3) linear sRGB, 0 outside the mask.

@@ -20,6 +20,7 @@ from PIL import Image
 from report_head import report_head
 from unlit.color import encode_srgb
 from unlit.output.atlas import bake
+from unlit.relighting.lights import exposed, named
 from unlit.report.bundle import program
 from unlit.report.page import report_html
 from unlit.report.stages import stage_pictures
@@ -191,6 +192,22 @@ def test_an_hdri_lights_it(view: Open, tmp_path: Path) -> None:
     centre = view.picture()[SIZE // 3 : SIZE // 2, SIZE // 3 : -SIZE // 3]
     assert centre[..., 2].mean() > 0.2
     assert centre[..., 0].mean() < 0.05
+    view.set("light", "photo")
+
+
+def test_an_hdri_is_as_strong_as_for_relight(view: Open, face: Any, tmp_path: Path) -> None:
+    """A strong side and a weak sky, in units of their own: our renderer's picture, its exposure."""
+    import cv2
+
+    sky = np.full((36, 72, 3), 40, np.float32)
+    sky[10:16, 42:50] = (900, 1300, 1700)
+    path = tmp_path / "sky.hdr"
+    cv2.imwrite(str(path), sky)
+    view.page.set_input_files("#light-file", path)
+    view.page.locator("#view-state", has_text="Lit by sky").wait_for()
+    wanted = face.relight(exposed(named(str(path)), path.name))
+    error = (view.picture() - np.clip(encode_srgb(wanted), 0, 1))[face.mask > 0]
+    assert -10 * np.log10(np.mean(error**2)) > 27
     view.set("light", "photo")
 
 

@@ -37,7 +37,7 @@ def test_a_good_photo_has_none(face):
         ({"diffuse_shading": 0.05}, 0.25, "Shadowed: 25%"),
         ({"image": 1.0}, 0.03, "Saturated: 3.0%"),
         ({"image": 0.0}, 0.03, "Clipped: 3.0% of the face is black"),
-        ({"diffuse_albedo": 1.0}, 0.03, "Clipped: the diffuse albedo of 3.0%"),
+        ({"diffuse_albedo": 1.6}, 0.03, "Clipped: the diffuse albedo of 3.0%"),
     ],
 )
 def test_each_names_its_share(face, images, share, word):

@@ -1,9 +1,7 @@
-// The reflectance of scene/brdf.py: Lambert plus one Beckmann lobe, index of refraction 1.38,
-// separate normals. The light is a sum of LIGHTS spherical Gaussians.
-precision highp float;
-
-uniform vec4 axis[LIGHTS];  // direction; in w, what the light's width adds to alpha squared
-uniform vec4 flux[LIGHTS];  // radiance times solid angle, linear sRGB; in w, the mean cosine
+// The face: our reflectance (brdf.glsl) with separate normals for its two terms, under the light
+// that is collected in the balls (ball.glsl).
+uniform sampler2D balls;
+uniform mat3 toBall;  // from the world: x right, y up, z to the viewer
 uniform vec3 eye;
 uniform float exposure;
 uniform sampler2D diffuseAlbedo;
@@ -32,34 +30,10 @@ in float vHidden;  // share of the sky that the head hides
 
 out vec4 colour;
 
-const float PI = 3.14159265358979;
-const float IOR = 1.38;
-
-// Exact for a dielectric, unpolarised; both terms over one divisor.
-float fresnel(float cosine) {
-  float root = sqrt(cosine * cosine + (IOR * IOR - 1.0));
-  float straight = IOR * IOR * cosine;
-  float across = (cosine - root) * (root + straight), along = (root - straight) * (cosine + root);
-  float whole = (cosine + root) * (root + straight);
-  return 0.5 * (across * across + along * along) / (whole * whole);
-}
-
-// Walter et al. 2007, equation 27.
-float smith(float cosine, float alpha2) {
-  float a = cosine * inversesqrt(alpha2 * max(1.0 - cosine * cosine, 1e-12));
-  return a >= 1.6 ? 1.0 : a * (3.535 + 2.181 * a) / (1.0 + a * (2.276 + 2.577 * a));
-}
-
-// D F G1 of a light, without what is the same for all lights: G1 of the viewer / (4 pi cosO).
-float gloss(vec4 light, vec3 n, vec3 viewer, float cosO, float alpha2) {
-  float cosI = dot(n, light.xyz);
-  float both = 1.0 + dot(viewer, light.xyz);  // of unit vectors: 2 both is |sum| squared
-  float cosH = max((cosI + cosO) * inversesqrt(2.0 * both + 1e-6), 1e-4);
-  float secant2 = 1.0 / (cosH * cosH);
-  float width = 1.0 / (alpha2 + light.w);
-  float beckmann = exp((1.0 - secant2) * width) * secant2 * secant2 * width;
-  float lobe = beckmann * fresnel(sqrt(0.5 * both)) * smith(cosI, alpha2);
-  return cosI > 0.0 ? lobe : 0.0;
+// The ball of this number, 0 to BALLS - 1, at the normal `n` of the world.
+vec3 reflected(float ball, vec3 n) {
+  vec2 place = 0.5 + 0.5 * onBall(toBall * n);
+  return texture(balls, vec2((ball + place.x) / BALLS, place.y)).xyz;
 }
 
 // A normal map's direction in the world: MikkTSpace, y up.
@@ -87,11 +61,14 @@ void main() {
   vec3 viewer = normalize(eye - vPosition);
   float cosO = max(dot(nS, viewer), 1e-4);
 
-  vec3 e = vec3(0.0), s = vec3(0.0);
-#define LIGHT(k) \
-  e += max(dot(nD, axis[k].xyz), 0.0) * flux[k].w * flux[k].xyz; \
-  s += gloss(axis[k], nS, viewer, cosO, alpha2) * flux[k].xyz;
-  EVERY_LIGHT
+  vec3 e = reflected(0.0, nD);
+  // The balls are seen from afar. From nearer the viewer's direction differs, and by half as much
+  // the direction between viewer and light, on which the gloss depends.
+  vec3 afar = vec3(0.0, 0.0, 1.0) * toBall;
+  vec3 seen = normalize(nS + (afar - viewer) / (2.0 * max(cosO, 0.5)));
+  float ball = clamp(10.0 * alpha, 1.0, BALLS - 1.0);
+  float lower = min(floor(ball), BALLS - 2.0);
+  vec3 s = mix(reflected(lower, seen), reflected(lower + 1.0, seen), ball - lower) / alpha2;
   // Shadows and what hides the sky are known for the mesh's normal; in place of the hidden sky
   // stands skin that is lit like this point without shadows.
   vec3 reaching = mix(vec3(1.0), vDirect / max(vOpen, 1e-4), useShadow);

@@ -10,13 +10,11 @@ import {
   SRGBColorSpace,
   Texture,
   Vector3,
-  Vector4,
 } from "three";
+import ball from "./ball.glsl";
+import brdf from "./brdf.glsl";
 import vertexShader from "./face.vert.glsl";
 import fragmentShader from "./face.frag.glsl";
-
-/** Lights in the shader. */
-export const LIGHTS = 32;
 
 /** What can be switched off, by the name of its uniform. */
 export const SWITCHES = [
@@ -40,9 +38,8 @@ function textureOf(image, sRGB) {
   return texture;
 }
 
-const everyLight = Array.from({ length: LIGHTS }, (_, k) => `LIGHT(${k})`).join("\n");
-
-export function headOf(scene, images) {
+/** The head of `scene` with the textures `images`, lit by `balls` (ball.js). */
+export function headOf(scene, images, balls) {
   const { position, normal, tangent, uv, hidden, triangles } = scene.arrays;
   const geometry = new BufferGeometry();
   const attribute = (array, size) => new BufferAttribute(array, size, true);
@@ -55,14 +52,13 @@ export function headOf(scene, images) {
     geometry.setAttribute(name, new BufferAttribute(new Float32Array(position.length), 3));
   geometry.setIndex(new BufferAttribute(triangles, 1));
 
-  const lights = (make) => Array.from({ length: LIGHTS }, make);
   const uniforms = {
     low: new Vector3(...scene.low),
     extent: new Vector3(...scene.extent),
     eye: new Vector3(),
     exposure: 1,
-    axis: lights(() => new Vector4(0, 0, 1, 0)),
-    flux: lights(() => new Vector4()),
+    balls: balls.texture,
+    toBall: balls.toBall,
     diffuseAlbedo: textureOf(images.diffuseAlbedo, true),
     material: textureOf(images.material),
     specularNormal: textureOf(images.specularNormal),
@@ -72,8 +68,7 @@ export function headOf(scene, images) {
   const material = new RawShaderMaterial({
     glslVersion: GLSL3,
     vertexShader,
-    // The loop is written out: software renderers are slow at its indices.
-    fragmentShader: fragmentShader.replace("EVERY_LIGHT", everyLight).replaceAll("LIGHTS", LIGHTS),
+    fragmentShader: `precision highp float;\n${brdf}${ball}${fragmentShader}`,
     uniforms: Object.fromEntries(Object.entries(uniforms).map(([k, value]) => [k, { value }])),
   });
   const mesh = new Mesh(geometry, material);

@@ -9,7 +9,7 @@ const COLUMNS = 36;
 const ROUNDS = 8;
 
 /** Unit direction of row v, column u, each from 0 to 1. */
-function direction(u, v) {
+export function direction(u, v) {
   const phi = 2 * Math.PI * u;
   const theta = Math.PI * v;
   const sine = Math.sin(theta);

@@ -1,8 +1,9 @@
 // Scene, light and camera put together. Drawn on demand: nothing moves by itself.
 
 import { Color, LinearSRGBColorSpace, Scene, Vector3, WebGLRenderer } from "three";
+import { Balls, LIGHTS } from "./ball.js";
 import { Orbit } from "./camera.js";
-import { headOf, LIGHTS } from "./head.js";
+import { headOf } from "./head.js";
 import { irradiance, merged, turn, turnedLights } from "./light.js";
 
 const BACKGROUND = new Color().setRGB(0.1, 0.1, 0.1); // encoded
@@ -16,7 +17,8 @@ export class Viewer {
     this.renderer = new WebGLRenderer({ canvas, antialias: false });
     this.renderer.outputColorSpace = LinearSRGBColorSpace; // the shader encodes
     this.renderer.setClearColor(BACKGROUND);
-    this.head = headOf(scene, images);
+    this.balls = new Balls();
+    this.head = headOf(scene, images, this.balls);
     this.world = new Scene().add(this.head);
     this.cells = scene.arrays.visibility;
     this.uniforms = this.head.material.uniforms;
@@ -67,6 +69,7 @@ export class Viewer {
     const side = Math.round(this.canvas.clientWidth * density);
     if (this.canvas.width !== side) this.renderer.setSize(side, side, false);
     this.uniforms.eye.value.copy(this.orbit.camera.position);
+    this.balls.draw(this.renderer, this.orbit.camera, this.orbit.middle);
     this.renderer.render(this.world, this.orbit.camera);
   }
 
@@ -86,11 +89,7 @@ export class Viewer {
   #light() {
     this.turned = false;
     const lights = turnedLights(this.lights, turn(...this.angles));
-    const { axis, flux } = this.uniforms;
-    lights.forEach((light, k) => {
-      axis.value[k].set(...light.axis, light.blur);
-      flux.value[k].set(...light.flux, light.cosine);
-    });
+    this.balls.light(lights);
     const { normal, open, direct } = this.head.geometry.attributes;
     irradiance(lights, this.cells, normal.array, open.array, direct.array);
     open.needsUpdate = direct.needsUpdate = true;

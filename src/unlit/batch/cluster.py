@@ -18,11 +18,9 @@ from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, Worker, WorkerPlugin
 from distributed.system import MEMORY_LIMIT
 
+from .. import footprint
 from ..errors import MachineError
 
-#: Memory of one reconstruction, bytes, and bytes more for each pixel of the crop: generous.
-_MEMORY = 0.8e9
-_MEMORY_PER_PIXEL = 1800
 #: A photo that as many workers died of is given up.
 _DEATHS = 2
 _CONNECT_SECONDS = 20
@@ -30,15 +28,18 @@ _CONNECT_SECONDS = 20
 
 def workers_and_threads(cores: int, memory: float, jobs: int, resolution: int) -> tuple[int, int]:
     """How many workers, and threads for each, do `jobs` photos with `memory` bytes free."""
-    fitting = int(memory / (_MEMORY + _MEMORY_PER_PIXEL * resolution**2))
+    fitting = int(memory / footprint.memory(resolution))
     workers = max(1, min(cores, fitting, jobs))
     return workers, max(1, cores // workers)
 
 
 @contextlib.contextmanager
-def connected(scheduler: str | None, jobs: int, resolution: int) -> Iterator[Client]:
+def connected(
+    scheduler: str | None, jobs: int, resolution: int, memory: float | None = None
+) -> Iterator[Client]:
     """A client of the cluster at `scheduler`, or of one made here and ended on leaving.
 
+    memory: bytes that the workers made here may take together; None is all that is free.
     Raises MachineError where the cluster does not answer.
     """
     # What Dask logs is told by rows of the table and by the progress bar. Its loggers have levels
@@ -48,7 +49,7 @@ def connected(scheduler: str | None, jobs: int, resolution: int) -> Iterator[Cli
             logging.getLogger(name).setLevel(logging.CRITICAL)
     with contextlib.ExitStack() as stack:
         if scheduler is None:
-            cluster = stack.enter_context(_local_cluster(jobs, resolution))
+            cluster = stack.enter_context(_local_cluster(jobs, resolution, memory))
             client = stack.enter_context(Client(cluster))
             client.register_plugin(_DeafToCtrlC())
         else:
@@ -67,9 +68,9 @@ def _client(scheduler: str) -> Client:
         ) from error
 
 
-def _local_cluster(jobs: int, resolution: int) -> LocalCluster:
-    memory = min(MEMORY_LIMIT, psutil.virtual_memory().available)
-    workers, threads = workers_and_threads(CPU_COUNT, memory, jobs, resolution)
+def _local_cluster(jobs: int, resolution: int, memory: float | None) -> LocalCluster:
+    free = min(MEMORY_LIMIT, psutil.virtual_memory().available, memory or float("inf"))
+    workers, threads = workers_and_threads(CPU_COUNT, free, jobs, resolution)
     with dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS - 1}):
         return LocalCluster(
             n_workers=workers,

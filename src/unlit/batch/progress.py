@@ -8,6 +8,7 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from ..console import clock, standard_error
 from .record import Row, readable
 from .run import Counts
 
@@ -21,7 +22,7 @@ class BatchConsole:
     """
 
     def __init__(self, console: Console | None = None) -> None:
-        self.console = console or Console(stderr=True, highlight=False, soft_wrap=True)
+        self.console = console or standard_error()
         self._bar = Progress(
             BarColumn(bar_width=24),
             TextColumn("{task.description}", markup=False),
@@ -79,11 +80,5 @@ class BatchConsole:
             new = counts.done + counts.failed
             if new:
                 seconds = (now - self._began) / new * (counts.photos - counts.finished)
-                parts.append(f"{_clock(seconds)} left")
+                parts.append(f"{clock(seconds)} left")
         return ", ".join(parts)
-
-
-def _clock(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

@@ -59,12 +59,14 @@ def run_batch(
     face: str | int,
     scheduler: str | None,
     watch: Watch,
+    memory: float | None = None,
 ) -> list[Row]:
     """Reconstruct every photo into `folder` (a path or URL) that is not done, and sum it up.
 
     photos: absolute paths, which the workers see, too. face: as for `pipeline.reconstruct`, or
-    "all". Returns the rows of all photos in order. An interruption ends the work on the photos at
-    hand; what is done stays, and the next call goes on. Raises OutputError and MachineError.
+    "all". memory: bytes that workers on this machine may take together. Returns the rows of all
+    photos in order. An interruption ends the work on the photos at hand; what is done stays, and
+    the next call goes on. Raises OutputError and MachineError.
     """
     store = Store(folder)
     records = store.records()
@@ -105,7 +107,7 @@ def run_batch(
             written = time.monotonic()
 
     try:
-        with connected(scheduler, len(left), settings.resolution) as client:
+        with connected(scheduler, len(left), settings.resolution, memory) as client:
             _work(client, left, running, counts, watch, keep)
     finally:
         for job in running.values():  # some may have ended, unseen, when it was interrupted

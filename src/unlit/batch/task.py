@@ -161,12 +161,10 @@ def _log(photo: Photo, settings: Settings) -> RunConsole:
     from ..console import RunConsole, settings_block
     from ..optimize.schedule import as_dict
 
-    plain = as_dict(settings)
-    stages = {name: value["iterations"] for name, value in plain.items() if isinstance(value, dict)}
-    console = RunConsole(stages, Console(file=io.StringIO()))
+    console = RunConsole(settings.iterations(), Console(file=io.StringIO()))
     height, width = photo.pixels.shape[:2]
     console.say(f"photo     {photo.source}, {width} x {height}, {photo.colours}")
-    for line in settings_block(plain):
+    for line in settings_block(as_dict(settings)):
         console.say(line)
     return console
 

@@ -52,6 +52,8 @@ def run(options: argparse.Namespace) -> int:
     if options.scheduler is None:
         models.fetch("reconstruct")
     with BatchConsole() as watch:
-        rows = run_batch(photos, folder, settings, options.face, options.scheduler, watch)
+        rows = run_batch(
+            photos, folder, settings, options.face, options.scheduler, watch, options.memory
+        )
     print(Store(folder).link("batch.html"))
     return int(any(row.error for row in rows))

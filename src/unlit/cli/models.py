@@ -1,10 +1,12 @@
-"""`unlit models`: list, fetch and verify the model files."""
+"""`unlit models`: list, fetch and verify the model files, add a head model."""
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
+from ..errors import SettingsError
 from .parser import command
 
 
@@ -14,24 +16,34 @@ def add(commands: Any) -> None:
         commands,
         "models",
         run,
-        "list, fetch and verify the model files",
+        "list, fetch and verify the model files, add a head model",
         "The model files unlit reads but does not ship: what they are, where they are, and under "
         "which licence. They are fetched by the first run; for a machine without network, fetch "
-        "them elsewhere and name their folder in the environment variable UNLIT_MODELS.",
-        "  unlit models\n  unlit models fetch\n  unlit models licences",
+        "them elsewhere and name their folder in the environment variable UNLIT_MODELS. "
+        "`add ict FOLDER` makes a second head model of a copy of the public repository "
+        "github.com/ICT-VGL/ICT-FaceKit (MIT licence), for `unlit reconstruct --model ict`.",
+        "  unlit models\n  unlit models fetch\n  unlit models licences\n"
+        "  unlit models add ict ICT-FaceKit/FaceXModel",
     )
     parser.add_argument(
         "action",
         nargs="?",
-        choices=("list", "fetch", "verify", "licences"),
+        choices=("list", "fetch", "verify", "licences", "add"),
         default="list",
-        help="list (default); fetch what is missing; verify (exit code 1 if one is bad); licences",
+        help="list (default); fetch what is missing; verify (exit code 1 if one is bad); "
+        "licences; add a head model",
     )
+    parser.add_argument("name", nargs="?", metavar="ict", help="with add: the head model's name")
+    parser.add_argument("folder", nargs="?", metavar="FOLDER", help="with add: its files")
 
 
 def run(options: argparse.Namespace) -> int:
     from .. import assets
 
+    if options.action == "add":
+        return _add(options.name, options.folder)
+    if options.name is not None:
+        raise SettingsError(f"{options.name}: has no use with {options.action}; leave it out")
     if options.action == "fetch":
         fetch()
     if options.action == "licences":
@@ -46,10 +58,25 @@ def run(options: argparse.Namespace) -> int:
         print(f"  {status.problem or f'verified: {status.path}'}")
         if options.action == "verify":
             print(f"  sha256 {entry.sha256}")
+    from ..head import library
+
+    for name, path in library.added().items():
+        print(f"{name}  head model, for --model {name}\n  {path}")
     missing = any(status.problem for status in found)
     if missing:
         print("`unlit models fetch` gets what is missing.")
     return int(missing and options.action == "verify")
+
+
+def _add(name: str | None, folder: str | None) -> int:
+    """Make a head model of the files in `folder`."""
+    if name is None or folder is None:
+        raise SettingsError("name the model and its files, as in: unlit models add ict FOLDER")
+    from ..console import StepConsole
+    from ..head import library
+
+    print(library.add(name, Path(folder), StepConsole()))
+    return 0
 
 
 def fetch(*commands: str) -> None:

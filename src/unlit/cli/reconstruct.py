@@ -29,6 +29,7 @@ def add(commands: Any) -> None:
         "  unlit reconstruct portrait.jpg -o portrait --resume\n"
         "  unlit reconstruct group.jpg -o second --face 1 --preset draft\n"
         "  unlit reconstruct portrait.jpg -o bare --mask skin.png\n"
+        "  unlit reconstruct candles.jpg -o card --light-color 1210,640 --exposure 880,700=0.35\n"
         "  unlit reconstruct portrait.jpg -o again --config portrait/reconstruction.toml \\\n"
         "      --set stage2.iterations=500\n"
         "  unlit reconstruct --resume portrait --from-stage 4 -o edited",
@@ -39,6 +40,12 @@ def add(commands: Any) -> None:
         "--mask",
         metavar="FILE",
         help="picture of the photo's size: white is face skin to use, black is to be left out",
+    )
+    parser.add_argument(
+        "--model",
+        metavar="NAME",
+        help="head model to fit: makehuman (default), ict once added by `unlit models add`, or an "
+        ".npz file of docs/head-model-format.md",
     )
     parser.add_argument(
         "--resume",
@@ -74,46 +81,59 @@ def run(options: argparse.Namespace) -> int:
     if named is not None and Path(named) != Path(options.output):
         raise SettingsError(f"--resume {named} and -o {options.output} differ; leave one out")
     resume = options.resume is not None
-    return reconstruct_into(lambda: read_photo(options.photo), options, options.mask, resume)
+    return reconstruct_into(
+        lambda: read_photo(options.photo), options, options.mask, resume, options.model
+    )
 
 
 def reconstruct_into(
-    read: Any, options: argparse.Namespace, mask: str | None = None, resume: bool = False
+    read: Any,
+    options: argparse.Namespace,
+    mask: str | None = None,
+    resume: bool = False,
+    model: str | None = None,
 ) -> int:
     """Read the photo, reconstruct it, save it: shared by `reconstruct` and `demo`.
 
-    mask: a picture file. resume: go on with an unfinished run.
+    mask: a picture file. resume: go on with an unfinished run. model: name or file of the head
+    model; None is the default.
     """
     from ..console import RunConsole
 
     settings = settings_of(options)
-    from ..output import CHECKPOINT, FILES, REPORT, STAGES, needed_bytes, reserve
+    from ..output import CHECKPOINT, RESULT_FILES, needed_bytes, reserve
 
     folder = Path(options.output)
-    with reserve(folder, {*FILES, REPORT, STAGES}, needed_bytes(settings.resolution)) as preview:
+    with reserve(folder, RESULT_FILES, needed_bytes(settings.resolution)) as preview:
         photo = read()
         models.fetch("reconstruct")
+        from ..head.library import head_model
         from ..optimize.checkpoint import Checkpoint
         from ..pipeline import reconstruct
 
+        head = None if model is None else head_model(model)
         checkpoint = Checkpoint(folder / CHECKPOINT, resume)
-        with RunConsole(_iterations(settings, checkpoint.stage)) as console:
+        iterations = settings.iterations(checkpoint.stage)
+        with RunConsole(iterations) as console:
             height, width = photo.pixels.shape[:2]
             console.say(f"photo     {photo.source}, {width} x {height}, {photo.colours}")
             if mask is not None:
                 console.say(f"mask      {mask}")
             console.say(f"preset    {options.preset}")
+            if head is not None:
+                console.say(f"model     {head.name}, {head.licence}")
             if resume:
                 stage = checkpoint.stage
                 found = f"after stage {stage}" if stage else "nothing to resume, from the start"
                 console.say(f"resume    {found}")
-            _say_settings(console, settings, preview)
+            _say_settings(console, settings, preview, iterations)
             states = _States(preview)
             result = reconstruct(
                 photo,
                 settings=settings,
                 face=options.face,
                 mask=mask,
+                model=head,
                 progress=console,
                 preview=states,
                 checkpoint=checkpoint,
@@ -130,9 +150,11 @@ def _continue(options: argparse.Namespace) -> int:
     unused = {
         "PHOTO": options.photo is not None,
         "--mask": options.mask is not None,
+        "--model": options.model is not None,
         "--preset": options.preset != "paper",
         "--resolution": options.resolution is not None,
         "--seed": options.seed is not None,
+        "--light-color": options.light_color is not None,
         "--config": options.config is not None,
         "--face": options.face != "only",
     }
@@ -143,22 +165,24 @@ def _continue(options: argparse.Namespace) -> int:
     if named is None:
         raise SettingsError("--from-stage: name the folder of the result, as --resume DIR")
     from ..optimize.schedule import PRESETS, override
-    from ..output import FILES, REPORT, STAGES, edited, load, needed_bytes, reserve
+    from ..output import RESULT_FILES, edited, load, needed_bytes, reserve
 
     source, stage = Path(named), options.from_stage
     face = load(source)
-    settings = override(override(PRESETS["paper"], face.settings), dict(options.set))
+    changes = {} if options.exposure is None else {"exposure": options.exposure}
+    settings = override(override(PRESETS["paper"], face.settings), changes | dict(options.set))
     folder = Path(options.output or named)
-    with reserve(folder, {*FILES, REPORT, STAGES}, needed_bytes(settings.resolution)) as preview:
+    with reserve(folder, RESULT_FILES, needed_bytes(settings.resolution)) as preview:
         from ..continuation import continued, kept_fit
 
         kept_fit(face, stage, settings)
         face, files = edited(face, source, stage)
-        with RunConsole(_iterations(settings, stage - 1)) as console:
+        iterations = settings.iterations(stage - 1)
+        with RunConsole(iterations) as console:
             console.say(f"result    {source}, of {face.photo_name}, from stage {stage}")
             pull = "; a start, on which the photo pulls again" if files else ""
             console.say(f"edited    {', '.join(files) or 'nothing'}{pull}")
-            _say_settings(console, settings, preview)
+            _say_settings(console, settings, preview, iterations)
             states = _States(preview)
             result = continued(face, stage, settings, console, states)
             _save(console, result, folder, states)
@@ -166,19 +190,18 @@ def _continue(options: argparse.Namespace) -> int:
     return 0
 
 
-def _iterations(settings: Any, done: int) -> dict[str, int]:
-    """Iterations of the stages that are left when `done` are done."""
-    from ..optimize.schedule import TABLE_1
-
-    return {name: getattr(settings, name).iterations for name in list(TABLE_1)[done:]}
-
-
-def _say_settings(console: Any, settings: Any, preview: Path) -> None:
+def _say_settings(console: Any, settings: Any, preview: Path, iterations: dict[str, int]) -> None:
+    from .. import footprint
     from ..console import settings_block
     from ..optimize.schedule import as_dict
 
     for line in settings_block(as_dict(settings)):
         console.note(line)
+    minutes = footprint.seconds(settings.resolution, iterations, footprint.cores()) / 60
+    console.say(
+        f"expects   some {minutes:.1f} minutes on {footprint.cores()} cores, "
+        f"{footprint.memory(settings.resolution) / 1e9:.1f} GB of memory at most"
+    )
     console.say(f"preview   {preview}")
 
 

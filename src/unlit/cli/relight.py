@@ -41,9 +41,10 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--rotate",
         type=_angle,
-        metavar="DEG",
-        help="turn the light about the vertical axis, from the camera towards the picture's right; "
-        "`sweep`: once round, as a video (what a video does by itself)",
+        metavar="DEG|sweep",
+        help="DEG: turn the light by so much about the vertical axis, from the camera towards the "
+        "picture's right; sweep: once round, which makes a video (and is what a video shows if "
+        "nothing else is asked for)",
     )
     parser.add_argument(
         "--turntable",

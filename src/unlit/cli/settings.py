@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .. import footprint
 from ..errors import SettingsError
 
 if TYPE_CHECKING:
@@ -26,7 +27,28 @@ def add_settings(parser: argparse.ArgumentParser, preset: str, every_face: bool 
     parser.add_argument(
         "--resolution", type=int, metavar="N", help="side of the face crop, 256 to 2048 pixels"
     )
+    parser.add_argument(
+        "--memory",
+        type=_memory,
+        metavar="SIZE",
+        help="refuse to begin what takes more, e.g. 4GB; 512 pixels a side take 1.1 GB, 2048 3.3; "
+        "in a batch, what its workers on this machine take together",
+    )
     parser.add_argument("--seed", type=int, metavar="N", help="seed of random choices")
+    parser.add_argument(
+        "--light-color",
+        metavar="COLOR",
+        help="of the photo's light, which is taken for white: a grey card's pixel X,Y in the "
+        "photo; a temperature, as 2700K; R,G,B (linear) or '#rrggbb' of something white or grey "
+        "in that light; or auto, an estimate from the gloss of the skin",
+    )
+    parser.add_argument(
+        "--exposure",
+        metavar="KNOWN",
+        help="fix the gain that albedo and light share by what you know: X,Y=ALBEDO of a pixel of "
+        "the photo, skin=ALBEDO of the whole skin, or the light measured at the face, as 500lux; "
+        "without it the best-lit skin gets a shading of 1",
+    )
     parser.add_argument(
         "--set",
         action="append",
@@ -44,25 +66,28 @@ def add_settings(parser: argparse.ArgumentParser, preset: str, every_face: bool 
         "--face",
         type=lambda text: text if every_face and text == "all" else _face(text),
         default="only",
-        metavar="largest|all|N" if every_face else "largest|N",
-        help="which face if there are several: the largest, "
+        metavar="largest|left|right|N|all" if every_face else "largest|left|right|N",
+        help="which face if there are several: the largest, the one furthest left or right in the "
+        "picture, "
         + ("all (in folders face0, face1, ...), " if every_face else "")
         + "or a number from 0, large to small",
     )
 
 
 def settings_of(options: argparse.Namespace) -> Settings:
-    """Preset, then --config, then --resolution and --seed, then --set."""
+    """Preset, then --config, then the options with names of settings, then --set."""
     from ..optimize.schedule import PRESETS, override
 
     changes: dict[str, Any] = {}
     if options.config is not None:
         changes |= _config(Path(options.config))
-    for name in ("resolution", "seed"):
+    for name in ("resolution", "seed", "light_color", "exposure"):
         if getattr(options, name) is not None:
             changes[name] = getattr(options, name)
-    settings = override(PRESETS[options.preset], changes)
-    return override(settings, dict(options.set))
+    settings = override(override(PRESETS[options.preset], changes), dict(options.set))
+    if options.memory is not None:
+        footprint.check_memory(options.memory, settings.resolution)
+    return settings
 
 
 def _config(path: Path) -> dict[str, Any]:
@@ -88,9 +113,16 @@ def _assignment(text: str) -> tuple[str, str]:
     return name.strip(), value.strip()
 
 
+def _memory(text: str) -> float:
+    try:
+        return footprint.read_size(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: write a size as 4GB or 900MB") from error
+
+
 def _face(text: str) -> str | int:
-    if text in ("largest", "only"):
+    if text in ("largest", "left", "right", "only"):
         return text
     if text.isdecimal():
         return int(text)
-    raise argparse.ArgumentTypeError(f"{text!r}: write largest, or a number from 0")
+    raise argparse.ArgumentTypeError(f"{text!r}: write largest, left, right, or a number from 0")

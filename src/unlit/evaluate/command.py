@@ -12,10 +12,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
-from ..console import RunConsole
+from ..console import RunConsole, clock, standard_error
 from ..errors import FaceError, SettingsError, SubjectError
+from ..fingerprint import RECONSTRUCTION, code, key
 from ..optimize.schedule import Settings, as_dict
 from ..output import write_one
 from ..output.images import png
@@ -27,7 +26,7 @@ from .figure import check_sheet, result_sheet
 from .metrics import check_packages
 from .persons import consistency
 from .protocol import Light, Row, Study
-from .store import RECONSTRUCTION, Store, code, key
+from .store import Store
 from .subject_file import files_of, read_subject
 from .table import Table, markdown, page, tables
 
@@ -49,14 +48,12 @@ class Teller:
     """Says on standard error what is being done; one line a step."""
 
     def __init__(self, settings: Settings) -> None:
-        self.console = Console(stderr=True, highlight=False, soft_wrap=True)
-        plain = as_dict(settings)
-        self.stages = {k: v["iterations"] for k, v in plain.items() if isinstance(v, dict)}
+        self.console = standard_error()
+        self.stages = settings.iterations()
         self.start = time.monotonic()
 
     def say(self, text: str) -> None:
-        minutes, seconds = divmod(round(time.monotonic() - self.start), 60)
-        self.console.print(f"{minutes}:{seconds:02d}  {text}", markup=False)
+        self.console.print(f"{clock(time.monotonic() - self.start)}  {text}", markup=False)
 
     def busy(self, name: str) -> AbstractContextManager[Any]:
         """While a step without a progress of its own is done."""

@@ -16,16 +16,17 @@ import numpy as np
 
 from ..color import encode_srgb
 from ..errors import SubjectError
+from ..fingerprint import RECONSTRUCTION, RENDERING, code, key
 from ..head.model import default_model
 from ..optimize.problem import Progress
 from ..optimize.schedule import Settings, as_dict
 from ..photo import Photo
-from ..pipeline import Head, fitted_head, observe, solve
+from ..pipeline import Head, fitted_head, observe, solve, with_light_color
 from ..reconstruction import Reconstruction
 from ..render.relight import traced
 from .metrics import angle, best_gain, compare, psnr, surface_distance
 from .scan import Scan
-from .store import RECONSTRUCTION, RENDERING, Store, code, key
+from .store import Store
 from .subject import Subject, visible_surface
 
 _EXPOSED = 0.8
@@ -202,6 +203,7 @@ class Study:
         with self.running(name) as progress:
             capture = observe(source, settings.resolution, "largest", camera=self.subject.camera)
             head = self._own_head() if self.true_mesh else fitted_head(capture, default_model())
+            capture = with_light_color(capture, head, source, settings)
             return solve(capture, head, settings, progress)
 
     def _own_head(self) -> Head:

@@ -6,8 +6,6 @@ source code it runs through. An interrupted evaluation continues with the first 
 
 from __future__ import annotations
 
-import functools
-import hashlib
 import io
 import json
 from collections.abc import Callable
@@ -20,64 +18,6 @@ import numpy as np
 from ..errors import OutputError
 from ..output import load, save, write_one
 from ..reconstruction import Reconstruction
-
-_PACKAGE = Path(__file__).resolve().parents[1]
-#: The code that decides a path-traced picture, and that which decides a reconstruction.
-RENDERING = (
-    "render",
-    "scene",
-    "color.py",
-    "evaluate/meshes.py",
-    "pictures.py",
-    "evaluate/scan.py",
-    "evaluate/subject.py",
-    "evaluate/subject_file.py",
-    # A frontal subject is framed by the landmarks found on it.
-    "assets.py",
-    "perception",
-    "photo.py",
-)
-RECONSTRUCTION = (
-    "assets.py",
-    "color.py",
-    "head",
-    "icc.py",
-    "mask.py",
-    "optimize",
-    "perception",
-    "photo.py",
-    "pipeline.py",
-    "reconstruction.py",
-    "render",
-    "scene",
-)
-
-
-def key(*parts: Any) -> str:
-    """16 hexadecimal digits of the content of arrays, bytes and plain values."""
-    digest = hashlib.sha256()
-    for part in parts:
-        if isinstance(part, np.ndarray):
-            digest.update(f"{part.dtype.str}{part.shape}".encode())
-            digest.update(np.ascontiguousarray(part).tobytes())
-        elif isinstance(part, bytes):
-            digest.update(part)
-        else:
-            digest.update(json.dumps(part, sort_keys=True, default=str).encode())
-        digest.update(b"\0")
-    return digest.hexdigest()[:16]
-
-
-@functools.cache
-def code(parts: tuple[str, ...]) -> str:
-    """Key of the source files of these modules and sub-packages of unlit, and of their data."""
-    files: list[Path] = []
-    for part in parts:
-        inside = (_PACKAGE / part).glob("*")
-        kept = sorted(file for file in inside if file.suffix in (".py", ".npz"))
-        files += [_PACKAGE / part] if part.endswith(".py") else kept
-    return key(*(file.read_bytes() for file in files))
-
 
 Busy = Callable[[str], AbstractContextManager[Any]]
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from .._runtime import mitsuba
 from ..errors import OutputError
-from ..evaluate.store import RECONSTRUCTION, code, key
+from ..fingerprint import RECONSTRUCTION, code, key
 from ..output.arrays import Kind, check_indices, read_checked
 from ..output.folder import write_one
 from ..scene.arrays import device

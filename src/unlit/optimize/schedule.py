@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any, get_type_hints
 
+from .. import exposure, illuminant
 from ..errors import SettingsError
 from ..scene.brdf import ROUGHNESS
 
@@ -64,6 +65,14 @@ class Settings:
     #: Kept with the result; nothing is drawn at random so far, so it changes nothing.
     seed: int = 0
 
+    #: Colour of the light: white, auto, 2700K, a grey card's pixel X,Y, R,G,B or #rrggbb
+    #: (illuminant.py).
+    light_color: str = "white"
+    #: What fixes the gain between albedo and light: auto (the best-lit skin has E = 1, or more
+    #: where albedo would exceed 1),
+    #: skin=ALBEDO, X,Y=ALBEDO, or 500lux (exposure.py).
+    exposure: str = "auto"
+
     #: Share of each stage at the full learning rates (in the paper they are constant), below 1, and
     #: share of them that is left at the stage's end, reached on a cosine curve.
     rate_hold: float = 0.5
@@ -84,9 +93,10 @@ class Settings:
     #: Upper bound of the specular albedo, far above any skin's: dark skin in a bright exposure has
     #: a high one, since albedo is relative to the best-lit skin.
     max_specular: float = 20.0
-    #: Upper bound of the diffuse albedo during a stage, where the best-lit skin has E = 1:
-    #: no skin returns more light than falls on it.
-    max_diffuse: float = 1.0
+    #: Upper bound of the diffuse albedo during a stage, where the best-lit skin has E = 1: no skin
+    #: returns more light than falls on it, and that convention of E may be off by so much. At the
+    #: end the gain is lowered until albedo stays within 1 (exposure.py).
+    max_diffuse: float = 1.6
     #: Error of the shading E that the model is believed to make, where full light is E = 1. The
     #: albedo maps trust a pixel by (E / (E + shading_error))^2: what is seen in the shadows says
     #: little about albedo.
@@ -111,7 +121,7 @@ class Settings:
     bounces: int = 3
     #: Iterations between two updates of what is held constant in between: the shading that the
     #: maps see, its linearisation in the normals, the indirect light.
-    refresh_interval: int = 25
+    refresh_interval: int = 50
     #: Largest vertex motion (cm) before visibility is traced anew in stage 3.
     retrace_distance: float = 0.05
 
@@ -132,6 +142,11 @@ class Settings:
         """The five stages in order."""
         return self.stage1, self.stage2, self.stage3, self.stage4, self.stage5
 
+    def iterations(self, done: int = 0) -> dict[str, int]:
+        """Iterations by stage of what is left after the first `done` stages."""
+        counts = {name: s.iterations for name, s in zip(TABLE_1, self.stages(), strict=True)}
+        return {name: counts[name] for name in list(counts)[done:]}
+
 
 def _shorter(settings: Settings, factor: float) -> Settings:
     """Stages 1 to 4 with fewer iterations; stage 5 is short already."""
@@ -150,7 +165,7 @@ def _shorter(settings: Settings, factor: float) -> Settings:
 
 PRESETS = {
     "paper": Settings(),
-    "draft": replace(_shorter(Settings(), 0.15), resolution=256),
+    "draft": replace(_shorter(Settings(), 0.15), resolution=256, refresh_interval=25),
 }
 
 
@@ -163,6 +178,8 @@ def override(settings: Settings, changes: dict[str, Any]) -> Settings:
         settings = _set(settings, name.split("."), value, name)
     if not 256 <= settings.resolution <= 2048:
         raise SettingsError(f"resolution={settings.resolution}: choose 256 to 2048 pixels")
+    illuminant.parse(settings.light_color)
+    exposure.parse(settings.exposure)
     for name in ("light_points", "refresh_interval"):
         if getattr(settings, name) < 1:
             raise SettingsError(f"{name}={getattr(settings, name)}: must be 1 or more")

@@ -5,13 +5,14 @@ from .export import FORMATS, export
 from .folder import CHECKPOINT, REPORT, STAGES, reserve, write_one
 from .load import load
 from .montage import montage, montage_png, preview_png
-from .save import FILES, needed_bytes, save
+from .save import FILES, RESULT_FILES, needed_bytes, save
 
 __all__ = [
     "CHECKPOINT",
     "FILES",
     "FORMATS",
     "REPORT",
+    "RESULT_FILES",
     "STAGES",
     "edited",
     "export",

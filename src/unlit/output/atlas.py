@@ -33,7 +33,7 @@ from scipy.spatial import KDTree
 
 from .._runtime import mitsuba
 from ..reconstruction import Reconstruction
-from ..scene.maps import Maps
+from ..render.relight import maps_of
 from ..scene.mesh import Mesh, surface
 from .geometry import Welded, welded
 from .parts import EYES, INSIDE, SKIN, parts
@@ -214,7 +214,7 @@ class _Photo:
         fits = {SKIN: ~eye, EYES: eye, INSIDE: lip}
         self.shows = np.stack([(shown == kind) & fits[kind] for kind in fits], axis=1)
         self.shows &= (r.mask.ravel() > 0)[:, None]
-        maps = Maps(r.diffuse_albedo, r.specular_albedo, r.roughness, r.perturbation)
+        maps = maps_of(r)
         positive = np.concatenate(
             [r.diffuse_albedo, r.specular_albedo[..., None], r.roughness[..., None]], axis=-1
         )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import OutputError
+from ..illuminant import WHITE
 from ..photo import Crop
 from ..reconstruction import Reconstruction
 from ..scene.camera import Camera
@@ -56,8 +57,9 @@ def load(folder: str | Path) -> Reconstruction:
             f"{fields.path}: camera and crop are {width} x {height} and {resolution} pixels, the "
             f"maps {len(arrays['image'])}; reconstruct the photo again"
         )
+    color, gain = _light(fields)
     light = SphericalGaussians(
-        *(arrays.pop(f"light_{name}") for name in ("axis", "sharpness", "amplitude"))
+        *(arrays.pop(f"light_{name}") for name in ("axis", "sharpness", "amplitude")), color=color
     )
     return Reconstruction(
         photo_name=fields.get("photo", str),
@@ -66,8 +68,26 @@ def load(folder: str | Path) -> Reconstruction:
         light=light,
         settings=fields.get("settings", dict),
         metrics=_json(folder / "metrics.json"),
+        gain=gain,
         **arrays,
     )
+
+
+def _light(fields: _Fields) -> tuple[np.ndarray, float]:
+    """Colour (3,) and gain; white and 1 in results saved before there was either."""
+    if not fields.has("light"):
+        return WHITE.copy(), 1.0
+    light = fields.table("light")
+    try:
+        color = np.array(light.get("color", list), dtype=np.float32)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise light.wrong("color") from error
+    if color.shape != (3,) or not (np.isfinite(color) & (color > 0)).all():
+        raise light.wrong("color")
+    gain = light.number("gain")
+    if not (np.isfinite(gain) and gain > 0):
+        raise light.wrong("gain")
+    return color, gain
 
 
 class _Fields:
@@ -77,6 +97,9 @@ class _Fields:
         self.path = path
         self._values = values
         self._prefix = prefix
+
+    def has(self, name: str) -> bool:
+        return name in self._values
 
     def get(self, name: str, kind: type) -> Any:
         value = self._values.get(name)

@@ -24,8 +24,8 @@ import numpy as np
 from .._runtime import mitsuba
 from ..reconstruction import Reconstruction
 from ..render.reference import FaceBSDF, mitsuba_environment
+from ..render.relight import maps_of
 from ..scene.brdf import IOR
-from ..scene.maps import Maps
 
 mi = mitsuba()
 
@@ -43,9 +43,7 @@ class ResultBSDF(FaceBSDF):
 
         super().__init__(props)
         r = load(Path(str(mi.file_resolver().resolve(props["folder"]))))
-        self.set_maps(
-            r.camera, Maps(r.diffuse_albedo, r.specular_albedo, r.roughness, r.perturbation)
-        )
+        self.set_maps(r.camera, maps_of(r))
 
 
 mi.register_bsdf(PLUGIN, ResultBSDF)

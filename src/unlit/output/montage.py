@@ -64,12 +64,13 @@ def clay(r: Reconstruction) -> np.ndarray:
 
 
 def light(r: Reconstruction) -> np.ndarray:
-    """(180, 180) uint8: the light as a map, and on a matte and a mirror ball, seen by the camera.
+    """(180, 180[, 3]) uint8: the light as a map, and on a matte and on a mirror ball.
 
-    The map is mirrored against environment.png, so that light from the photo's left is left.
+    As seen by the camera: the map is mirrored against environment.png, so that light from the
+    photo's left is left.
     """
     radiance = r.light.rasterize(90, 180)  # as fine as a tile shows
-    height, width = radiance.shape
+    height, width, *channels = radiance.shape
     ball = height // 2 * 2
     ys, xs = (np.mgrid[0:ball, 0:ball] + 0.5) * (2 / ball) - 1
     x, y = xs * 1.06, -ys * 1.06
@@ -78,10 +79,11 @@ def light(r: Reconstruction) -> np.ndarray:
     # Far away, the camera looks along -z: d = 2 (n . z) n - z.
     mirrored = 2 * normal[..., 2:] * normal - (0.0, 0.0, 1.0)
     grid = (18, 36)
-    coarse = r.light.rasterize(*grid) * latlong_solid_angles(*grid) / np.pi
+    coarse = r.light.rasterize(*grid).reshape(grid[0] * grid[1], -1)
+    coarse = coarse * latlong_solid_angles(*grid).reshape(-1, 1) / np.pi
     cosine = np.maximum(normal.reshape(-1, 3) @ latlong_directions(*grid).reshape(-1, 3).T, 0)
-    matte = (cosine @ coarse.ravel()).reshape(ball, ball)
-    picture = np.full((width, width), _PAPER, dtype=np.uint8)
+    matte = (cosine @ coarse).reshape(ball, ball, *channels)
+    picture = np.full((width, width, *channels), _PAPER, dtype=np.uint8)
     top = (width - height - ball) // 2
     looks = np.concatenate([radiance, r.light.radiance(mirrored)], axis=1)
     looks = tone_mapped(looks)

@@ -33,7 +33,7 @@ _FRAME = (
 )
 #: Every file but the maps, with what it holds.
 _OTHER_FILES = {
-    "light.json": "spherical Gaussians: axis, sharpness, amplitude",
+    "light.json": "spherical Gaussians: axis, sharpness, amplitude; their colour",
     "mesh.obj": "mesh with normals and texture coordinates",
     "mesh.mtl": "its materials",
     "mesh.ply": "the same mesh, binary",
@@ -55,6 +55,8 @@ FILES = {
     **_OTHER_FILES,
     LOG: "what the run printed",
 }
+#: All names that `unlit reconstruct` leaves in a folder.
+RESULT_FILES = frozenset({*FILES, REPORT, STAGES})
 
 
 def needed_bytes(resolution: int) -> int:
@@ -133,12 +135,14 @@ def _toml(r: Reconstruction) -> str:
             "cy": float(r.camera.cy),
         },
         "crop": {"resolution": r.crop.resolution, "matrix": r.crop.matrix.tolist()},
+        "light": {"color": r.light.color, "gain": r.gain},
         "settings": r.settings,
         "files": FILES,
     }
     head = (
         f"{MARK_TEXT}. Read it with unlit.load; the arrays are in reconstruction.npz.\n"
-        "# camera: focal, cx, cy in pixels of the crop. crop.matrix: photo to crop pixels.\n\n"
+        "# camera: focal, cx, cy in pixels of the crop. crop.matrix: photo to crop pixels.\n"
+        "# light: color in linear sRGB; albedo was multiplied by gain, the light divided by it.\n\n"
     )
     return head + tomli_w.dumps(_plain(table))
 
@@ -158,8 +162,9 @@ def _camera(r: Reconstruction) -> dict[str, Any]:
 
 def _light(r: Reconstruction) -> dict[str, Any]:
     return {
-        "model": "radiance(w) = sum_k amplitude_k exp(sharpness_k (dot(w, axis_k) - 1))",
+        "model": "radiance(w) = color sum_k amplitude_k exp(sharpness_k (dot(w, axis_k) - 1))",
         "frame": _FRAME,
+        "color": r.light.color,
         "axis": r.light.axis,
         "sharpness": r.light.sharpness,
         "amplitude": r.light.amplitude,

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import SettingsError
-from ..output import FILES as RESULT_FILES
-from ..output import load, write_one
+from ..output import RESULT_FILES, load, write_one
 from ..output.folder import ensure_writable
 from ..output.images import encoded, exr, png
 from ..photo import read_photo

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+from scipy import ndimage
 
 from ..color import encode_srgb
 from ..errors import PhotoError
@@ -16,6 +17,28 @@ from ..scene.maps import fill
 #: Greatest root-mean-square difference, sRGB-encoded, of the photo's crop from the one that the
 #: result was made from: a photo that was only saved again as a JPEG is far below it.
 _SAME = 0.05
+#: Width of the fade at the rim of the face, over the square root of the face's area: wide enough
+#: that a dark face and a bright neck do not meet in a line.
+_FADE = 0.1
+
+
+def faded(mask: np.ndarray) -> np.ndarray:
+    """`mask` (S, S) faded to 0 towards the outline of the face and the crop's border, float32.
+
+    Holes and slots in it (eyes, glasses) keep their sharp rims: the light around them is the same.
+    """
+    inside = mask > 0.5
+    width = max(round(_FADE * float(np.sqrt(inside.sum()))), 1)
+    room = np.pad(inside, width + 1)
+    closed = _depth(_depth(~room) <= width) > width
+    outline = np.asarray(ndimage.binary_fill_holes(closed | room))[width:-width, width:-width]
+    depth = np.minimum(_depth(outline)[1:-1, 1:-1] / width, 1)
+    return (mask * depth**2 * (3 - 2 * depth)).astype(np.float32)
+
+
+def _depth(region: np.ndarray) -> np.ndarray:
+    """Distance in pixels of each pixel of `region` from what is outside of it; 0 there."""
+    return np.asarray(ndimage.distance_transform_edt(region))
 
 
 class Backdrop:
@@ -36,13 +59,18 @@ class Backdrop:
             )
 
     def __call__(self, relit: np.ndarray) -> np.ndarray:
-        """The photo (H, W, 3), linear sRGB, with `relit` (S, S, 3) blended in by the soft mask.
+        """The photo (H, W, 3), linear sRGB, with `relit` (S, S, 3) blended in by `faded`'s mask.
 
         Where the mask is 0 the photo's values come back to the bit.
         """
-        mask = self.face.mask
         # Beyond the mask the relit face is black, which resampling must not draw in at its rim.
-        return self.face.crop.paste(fill(relit, mask > 0), self.photo.pixels, mask)
+        return self.face.crop.paste(
+            fill(relit, self.face.mask > 0), self.photo.pixels, self._weight
+        )
+
+    @cached_property
+    def _weight(self) -> np.ndarray:
+        return faded(self.face.mask)
 
     @cached_property
     def _encoded(self) -> np.ndarray:

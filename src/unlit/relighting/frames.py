@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..console import clock
 from ..reconstruction import Reconstruction
 from ..render.relight import Face, Relighter, traced
 from .lights import turned
@@ -90,7 +91,6 @@ class _Bar:
         what = "rendering" if self.count == 1 else f"frame {min(number + 1, self.count)}"
         what += "" if self.count == 1 else f" of {self.count}"
         if 0 < done < 1:
-            left = round((now - self.start) * (1 - done) / done)
-            what += f", {left // 60}:{left % 60:02d} left"
+            what += f", {clock((now - self.start) * (1 - done) / done)} left"
         # The last step is the file's.
         self.progress(what, min(int(100 * done), 99), 100)

@@ -99,6 +99,7 @@ def form_factors(mesh: Mesh, points: Points, seen: np.ndarray, count: int = 256)
     hit = mesh.scene.ray_intersect_preliminary(
         mi.Ray3f(start, towards), coherent=True, active=dr.dot(n, towards) > 0
     )
+    dr.eval(hit)  # else each of its parts that is gathered below would have all rays traced again
     kept = dr.compress(hit.is_valid())
     if not dr.width(kept):  # a convex mesh
         empty = sparse.csr_matrix((vertices, 2 * vertices), dtype=np.float32)
@@ -173,7 +174,9 @@ class Bounce:
 
     def under(self, directions: Directions) -> BounceUnder:
         """The same, with the vertices' visibility traced for the cells of `directions`."""
-        bits = visibility(self.scene, self.emitters, directions) if self.bounces else None
+        if not self.bounces:
+            return BounceUnder(self, directions, None)
+        bits = visibility(self.scene, self.emitters, directions, self.emitters.horizon)
         return BounceUnder(self, directions, bits)
 
 

@@ -17,7 +17,7 @@ from .._runtime import mitsuba
 from ..reconstruction import Reconstruction
 from ..scene.arrays import device
 from ..scene.camera import Camera
-from ..scene.cells import Cells, Flux, grid_cells, refine
+from ..scene.cells import Cells, Flux, even_cells, refine
 from ..scene.light import SphericalGaussians
 from ..scene.maps import Maps
 from ..scene.mesh import Hits, Mesh, surface
@@ -111,7 +111,7 @@ class Relighter:
         limit = 2500
         if len(turns) > 1:
             limit = int(np.clip(_BITS // len(self.pixel), limit, _TURNING_LIMIT))
-        cells = refine(grid_cells(), environment, limit=limit, azimuths=turns)
+        cells = refine(even_cells(), environment, limit=limit, azimuths=turns)
         flux = Flux(environment)
         radiance = np.stack([flux.mean(cells.turned(turn)) for turn in turns])
         lit = np.flatnonzero(radiance.any(axis=(0, *range(2, radiance.ndim))))
@@ -131,7 +131,7 @@ class Lit:
         if not len(cells):
             return
         directions = Directions(cells)
-        self._direct = visibility(face.mesh.scene, face.points, directions)
+        self._direct = visibility(face.mesh.scene, face.points, directions, face.points.horizon)
         self._indirect = face.bounce.under(directions).bits
 
     def image(self, frame: int) -> np.ndarray:

@@ -27,7 +27,7 @@ from ..scene.arrays import device
 from ..scene.brdf import specular, specular_with_gradient
 from ..scene.cells import Cells
 from ..scene.linear import linear
-from .visibility import trace, visible
+from .visibility import HORIZON, trace, visible
 
 mi = mitsuba()
 
@@ -59,6 +59,11 @@ class Points:
     def to_viewer(self) -> Any:
         return -dr.normalize(mi.Vector3f(self.position))
 
+    @property
+    def horizon(self) -> Any:
+        """Cosine to the specular normal, mi.Float <= 0, below which light reaches neither lobe."""
+        return -dr.norm(self.diffuse_normal - self.specular_normal)
+
 
 class Directions:
     """The quadrature on the device: eight floats per cell, read as one packet.
@@ -84,9 +89,13 @@ class Directions:
         return mi.Vector3f(first.xyz), mi.Vector3f(second.xyz), first.w
 
 
-def visibility(scene: Any, points: Points, directions: Directions) -> Any:
-    """Visibility bits of `points`; see visibility.trace."""
-    return trace(scene, points.position, points.specular_normal, points.geometric, directions.unit)
+def visibility(scene: Any, points: Points, directions: Directions, horizon: Any = HORIZON) -> Any:
+    """Visibility bits of `points`; see visibility.trace.
+
+    horizon: `points.horizon` leaves out what neither lobe needs, for normals that stay.
+    """
+    p = points
+    return trace(scene, p.position, p.specular_normal, p.geometric, directions.unit, horizon)
 
 
 def _terms(points: Points, viewer: Any, directions: Directions, d: Any) -> tuple[Any, Any]:

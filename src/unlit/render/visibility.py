@@ -27,12 +27,20 @@ def words(directions: int) -> int:
     return (directions + 31) // 32
 
 
-def trace(scene: Any, position: Any, normal: Any, geometric: Any, directions: Any) -> Any:
+def trace(
+    scene: Any,
+    position: Any,
+    normal: Any,
+    geometric: Any,
+    directions: Any,
+    horizon: Any = HORIZON,
+) -> Any:
     """Visibility bits, mi.UInt32 of width words(D) * P: bit d % 32 of entry (d // 32) * P + p.
 
     scene: Mitsuba scene; position mi.Point3f, shading normal and geometric normal mi.Vector3f, all
-    of width P; directions: mi.Vector3f of width D, unit, to the light. A direction far below the
-    shading horizon (HORIZON) counts as not visible and costs no ray.
+    of width P; directions: mi.Vector3f of width D, unit, to the light. A direction whose cosine to
+    the shading normal is below `horizon`, a number or mi.Float of width P, counts as not visible
+    and costs no ray.
     """
     # Opaque: a number baked into the kernel would have it compiled anew for every photo.
     points, count = (dr.opaque(mi.UInt32, dr.width(a)) for a in (position, directions))
@@ -41,18 +49,20 @@ def trace(scene: Any, position: Any, normal: Any, geometric: Any, directions: An
     n = dr.gather(mi.Vector3f, normal, point)
     start = dr.gather(mi.Point3f, position, point)
     start += OFFSET * dr.gather(mi.Vector3f, geometric, point)
+    lowest = dr.gather(mi.Float, dr.full(mi.Float, 0, dr.width(position)) + horizon, point)
     bits, k = mi.UInt32(0), mi.UInt32(0)
 
-    def body(k: Any, bits: Any, start: Any, n: Any, first: Any) -> tuple[Any, ...]:
+    def body(k: Any, bits: Any, start: Any, n: Any, lowest: Any, first: Any) -> tuple[Any, ...]:
         d = first + k
         towards = dr.gather(mi.Vector3f, directions, d, d < count)
-        active = (d < count) & (dr.dot(n, towards) > HORIZON)
+        active = (d < count) & (dr.dot(n, towards) > lowest)
         blocked = scene.ray_test(mi.Ray3f(start, towards), coherent=True, active=active)
         bits |= dr.select(active & ~blocked, mi.UInt32(1) << k, 0)
-        return k + 1, bits, start, n, first
+        return k + 1, bits, start, n, lowest, first
 
-    state = (k, bits, start, n, first)
-    bits = dr.while_loop(state, lambda k, *_: k < 32, body, labels=("k", "bits", "o", "n", "d"))[1]
+    state = (k, bits, start, n, lowest, first)
+    labels = ("k", "bits", "o", "n", "horizon", "d")
+    bits = dr.while_loop(state, lambda k, *_: k < 32, body, labels=labels)[1]
     dr.eval(bits)
     return bits
 

@@ -14,7 +14,9 @@ from typing import Any
 import tomli_w
 
 from ..evaluate.metrics import psnr
+from ..exposure import AUTO, full_light
 from ..findings import findings
+from ..illuminant import temperature
 from ..output.atlas import Atlas, bake
 from ..output.folder import REPORT, write_one
 from ..output.load import load
@@ -119,8 +121,33 @@ def _facts(r: Reconstruction) -> dict[str, str]:
         found["Time"] = f"{sum(seconds.values()):.0f} s without writing the files"
     if memory is not None:
         found["Memory"] = f"{memory:.0f} MB at most"
+    found["Light's colour"] = _light_color(r)
+    found["Gain"] = _gain(r)
     found["Mesh"] = f"{len(r.vertices)} vertices, {len(r.triangles)} triangles"
     return found
+
+
+def _light_color(r: Reconstruction) -> str:
+    if (r.light_color == 1).all():
+        return "taken for white"
+    numbers = ", ".join(f"{value:.3f}" for value in r.light_color)
+    return f"{numbers} (linear RGB), nearest to {temperature(r.light_color):.0f} K"
+
+
+def _gain(r: Reconstruction) -> str:
+    """What the picture cannot tell, and what was done about it."""
+    known = r.settings.get("exposure", AUTO)
+    how = f"set by {known}"
+    if known == AUTO:
+        how = "set so that the best-lit skin has a diffuse shading of 1"
+        how += ", then lowered so that albedo stays within 1" if r.gain < 1 else ""
+    text = f"albedo and light share one gain, which no photo tells: {how}"
+    unit = _number(r.metrics.get("unit_cd_m2"))
+    inside = r.mask > 0
+    if unit is None or not inside.any():
+        return text
+    lux = math.pi * unit * full_light(r.diffuse_shading[inside])
+    return f"{text}; by the photo's exposure {lux:,.0f} lux, within a stop or so, fall there"
 
 
 def _field_of_view(r: Reconstruction) -> float:

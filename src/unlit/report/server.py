@@ -16,12 +16,12 @@ from pathlib import Path
 from shutil import copyfileobj
 
 from ..errors import OutputError
-from ..output.folder import REPORT, STAGES
-from ..output.save import FILES
+from ..output.folder import REPORT
+from ..output.save import RESULT_FILES
 
 HOST = "127.0.0.1"
 #: What may be asked for, besides / for the report.
-SERVED = frozenset({*FILES, REPORT, STAGES})
+SERVED = RESULT_FILES
 
 _TYPES = {
     ".html": "text/html; charset=utf-8",

@@ -9,11 +9,11 @@ from __future__ import annotations
 import io
 import re
 import zipfile
-import zlib
 from collections.abc import Iterable
 from pathlib import Path
 
 from ..errors import OutputError
+from ..npy import DAMAGED
 from ..output.folder import STAGES
 from ..output.images import encoded, normals
 from ..reconstruction import Reconstruction
@@ -59,7 +59,7 @@ def read_stages(folder: Path) -> Stages:
             return _grouped(archive, sorted(archive.namelist()))
     except FileNotFoundError:
         return []
-    except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, RuntimeError) as error:
+    except DAMAGED as error:
         raise OutputError(f"{path}: damaged or not unlit's ({error}); {_REMEDY}") from error
 
 

@@ -7,6 +7,7 @@ small or steep, `refine` splits its cells, so that hard shadows come out at the 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -134,6 +135,21 @@ def grid_cells(rows: int = 18, columns: int = 36) -> Cells:
     phi = np.linspace(0, 2 * np.pi, columns + 1)
     i, j = (x.ravel() for x in np.mgrid[0:rows, 0:columns])
     return Cells(np.stack([theta[i], theta[i + 1]], axis=1), np.stack([phi[j], phi[j + 1]], axis=1))
+
+
+def even_cells(rows: int = 18) -> Cells:
+    """Cells as wide as high: rows get shorter towards the poles; 414 by default.
+
+    They serve as well as the regular ones, which crowd at the poles, with a third fewer rays.
+    """
+    edges = np.linspace(0, np.pi, rows + 1)
+    theta, phi = [], []
+    for t0, t1 in itertools.pairwise(edges):
+        columns = max(round(2 * rows * np.sin(0.5 * (t0 + t1))), 4)
+        steps = np.linspace(0, 2 * np.pi, columns + 1)
+        theta += [(t0, t1)] * columns
+        phi += itertools.pairwise(steps)
+    return Cells(np.array(theta), np.array(phi))
 
 
 def refine(

@@ -1,6 +1,6 @@
-"""The light: a monochrome mixture of spherical Gaussians (paper, section 2.3), and its raster.
+"""The light: a mixture of spherical Gaussians of one colour (paper, section 2.3), and its raster.
 
-    L(w) = sum_k mu_k exp(lambda_k (w . xi_k - 1)),   k = 1..648
+    L(w) = c sum_k mu_k exp(lambda_k (w . xi_k - 1)),   k = 1..648
 
 Directions are in the world frame of `camera.py`. Radiance is in the units of the photo's linear
 values: a white Lambertian surface (albedo 1) under irradiance E / pi = 1 renders as 1.
@@ -8,7 +8,7 @@ values: a white Lambertian surface (albedo 1) under irradiance E / pi = 1 render
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -40,33 +40,41 @@ def latlong_solid_angles(height: int, width: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class SphericalGaussians:
-    """Lobes: unit axis (K, 3), sharpness (K,) > 0, amplitude (K,) >= 0 radiance; float32."""
+    """Lobes: unit axis (K, 3), sharpness (K,) > 0, amplitude (K,) >= 0 radiance; float32.
+
+    color: (3,) linear sRGB that all radiance is multiplied with; the optimiser's light is white.
+    """
 
     axis: np.ndarray
     sharpness: np.ndarray
     amplitude: np.ndarray
+    color: np.ndarray = field(default_factory=lambda: np.ones(3, dtype=np.float32))
 
     def radiance(self, directions: np.ndarray) -> np.ndarray:
-        """Radiance (...,) from unit `directions` (..., 3), float32."""
+        """Radiance from unit `directions` (..., 3), float32: (...,), or (..., 3) if not white."""
         flat = np.asarray(directions, dtype=np.float32).reshape(-1, 3)
         out = np.empty(len(flat), dtype=np.float32)
         axis = self.axis.astype(np.float32).T
         for start in range(0, len(flat), 4096):  # bounds memory: K x 4096 floats
             part = slice(start, start + 4096)
             out[part] = np.exp(self.sharpness * (flat[part] @ axis - 1)) @ self.amplitude
-        return out.reshape(np.shape(directions)[:-1])
+        grey = out.reshape(np.shape(directions)[:-1])
+        return grey if (self.color == 1).all() else grey[..., None] * self.color
 
     def rasterize(self, height: int = RASTER[0], width: int = RASTER[1]) -> np.ndarray:
-        """Environment map (height, width), float32 radiance at the pixel centres."""
+        """Environment map (height, width[, 3]), float32 radiance at the pixel centres."""
         return self.radiance(latlong_directions(height, width))
 
     def power(self) -> np.ndarray:
-        """Integral over the sphere of each lobe (K,): 2 pi mu / lambda (1 - exp(-2 lambda))."""
+        """Integral over the sphere of each lobe (K,), without `color`.
+
+        2 pi mu / lambda (1 - exp(-2 lambda)).
+        """
         return 2 * np.pi * self.amplitude / self.sharpness * -np.expm1(-2 * self.sharpness)
 
     def scaled(self, gain: float) -> SphericalGaussians:
         """The same light times `gain`."""
-        return SphericalGaussians(self.axis, self.sharpness, self.amplitude * np.float32(gain))
+        return replace(self, amplitude=self.amplitude * np.float32(gain))
 
 
 def grid_lobes(

@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from unlit._runtime import mitsuba
 from unlit.errors import ModelError
-from unlit.head.fit import FitSettings, LandmarkProblem, State
+from unlit.head.fit import LandmarkProblem, State
+from unlit.head.landmark_error import NO_ERROR
 from unlit.head.model import HeadModel, default_model
 from unlit.optimize.photometric import photometric_fit
 from unlit.optimize.shape_jacobian import ShapeJacobian
@@ -130,7 +131,7 @@ def test_shading_corrects_a_turn(head: HeadModel) -> None:
     state = truth(head, 15)
     image, regions = photograph(head, state, disc((0.5, 0.3, 0.8)))
     wrong = turned_away(state, -5)
-    problem = LandmarkProblem(head, seen(head, wrong), CAMERA, FitSettings())
+    problem = LandmarkProblem(head, seen(head, wrong), CAMERA, bias=NO_ERROR)
     fit = problem.fit(wrong, mouth_closed=False)
     better = photometric_fit(problem, fit, image, regions)
 
@@ -147,7 +148,7 @@ def test_even_light_keeps_the_landmarks_mesh(head: HeadModel) -> None:
     """Under a uniform sky the very same fit comes back."""
     state = truth(head, 0)
     image, regions = photograph(head, state, uniform())
-    problem = LandmarkProblem(head, seen(head, state), CAMERA, FitSettings())
+    problem = LandmarkProblem(head, seen(head, state), CAMERA, bias=NO_ERROR)
     fit = problem.fit(state, mouth_closed=False)
     assert photometric_fit(problem, fit, image, regions) is fit
 
@@ -155,7 +156,7 @@ def test_even_light_keeps_the_landmarks_mesh(head: HeadModel) -> None:
 def test_no_skin_keeps_the_landmarks_mesh(head: HeadModel) -> None:
     """A face of which too little plain skin is seen is left as it was."""
     state = truth(head, 0)
-    problem = LandmarkProblem(head, seen(head, state), CAMERA, FitSettings())
+    problem = LandmarkProblem(head, seen(head, state), CAMERA, bias=NO_ERROR)
     fit = problem.fit(state, mouth_closed=False)
     nothing = np.zeros((SIZE, SIZE, 6), dtype=np.float32)
     nothing[..., 5] = 1

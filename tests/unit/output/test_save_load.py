@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 
 from small_head import save_quickly
+from unlit._runtime import mitsuba
 from unlit.errors import OutputError
 from unlit.output import CHECKPOINT, FILES, load, needed_bytes, save
+
+mi = mitsuba()
 
 pytestmark = pytest.mark.usefixtures("no_relight")
 
@@ -54,6 +57,25 @@ def test_results_saved_before_the_fit_was_kept(face, folder):
     for name in ("vertices", "landmarks", "landmark_triangle", "landmark_barycentric"):
         rewrite(folder, f"fit_{name}", None)
     assert_same(load(folder), dataclasses.replace(face, fit=None))
+
+
+def test_the_lights_colour_and_the_gain(face, tmp_path):
+    """They come back, and the environment map has the colour; older results have neither."""
+    color, gain = np.array([1, 0.41726586, 0.1], np.float32), 1.7000000000000002
+    lit = dataclasses.replace(face.light, color=color)
+    save(dataclasses.replace(face, light=lit, gain=gain), tmp_path / "a")
+    again = load(tmp_path / "a")
+    assert_same(again.light_color, color)
+    assert again.gain == gain
+    read = mi.Bitmap(str(tmp_path / "a" / "environment.exr"))
+    np.testing.assert_allclose(np.array(read), face.light.rasterize()[..., None] * color)
+    path = tmp_path / "a" / "reconstruction.toml"
+    text = path.read_text()
+    start, end = text.index("[light]"), text.index("[settings]")
+    path.write_text(text[:start] + text[end:])
+    older = load(tmp_path / "a")
+    assert_same(older.light_color, np.ones(3, np.float32))
+    assert older.gain == 1
 
 
 def test_a_checkpoint_is_not_needed_any_more(face, folder):
@@ -115,6 +137,9 @@ def test_numpy_numbers_and_tuples_become_plain(face, tmp_path):
         ("[crop]", "[crops]", "crop is missing"),
         ("resolution = 32", "resolution = 31", "31 pixels"),
         ("matrix = [", "matrix = [1, ", "crop.matrix is not valid"),
+        ("gain = ", "gain = -", "light.gain is not valid"),
+        ("color = [", "colour = [", "light.color is missing"),
+        ("color = [", "color = [0.5,", "light.color is not valid"),
         ("[settings]", "[[[", "no valid TOML"),
     ],
 )

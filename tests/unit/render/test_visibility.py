@@ -42,5 +42,9 @@ def test_bits_are_shadow_rays(head: View) -> None:
     assert (seen == (free & above).numpy().reshape(points, count)).all()
     cosine = dr.dot(here.specular_normal, towards).numpy().reshape(points, count)
     assert not seen[cosine < HORIZON].any()
+    # A lobe whose normal is the specular one needs no ray below it; the others are the same.
+    fewer = visibility(head.mesh.scene, head.points, directions, 0.0)
+    kept = visible(fewer, points, point, d).numpy().reshape(points, count)
+    assert (kept == (seen & (cosine > 0))).all()
     # The nose and the sockets do cast shadows: some directions above the horizon are blocked.
     assert 0.01 < (~seen[cosine > 0.2]).mean() < 0.2

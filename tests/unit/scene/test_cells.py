@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from unlit.scene.cells import Cells, grid_cells, refine
+from unlit.scene.cells import Cells, even_cells, grid_cells, refine
 from unlit.scene.light import (
     disc,
     flash,
@@ -22,12 +22,19 @@ def quarters_of(seed: int) -> Cells:
     return cells
 
 
-@pytest.mark.parametrize("cells", [grid_cells(), quarters_of(0)])
+@pytest.mark.parametrize("cells", [grid_cells(), even_cells(), quarters_of(0)])
 def test_cells_tile_the_sphere(cells: Cells) -> None:
     """Solid angles sum to 4 pi, first moments to zero, also after splitting."""
     assert cells.solid_angle.sum() == pytest.approx(4 * np.pi)
     assert cells.moment.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
     assert np.linalg.norm(cells.direction, axis=1) == pytest.approx(1.0)
+
+
+def test_even_cells_are_alike() -> None:
+    """From pole to pole within a quarter of the mean solid angle; the grid's shrink to a tenth."""
+    mean = 4 * np.pi / len(even_cells())
+    assert even_cells().solid_angle == pytest.approx(mean, rel=0.26)
+    assert grid_cells().solid_angle.min() < 0.15 * grid_cells().solid_angle.mean()
 
 
 def test_moment_and_direction_against_fine_sums() -> None:
@@ -85,5 +92,6 @@ def test_refine_keeps_flux_and_finds_small_lights(environment: np.ndarray) -> No
 def test_refine_leaves_a_uniform_light_alone() -> None:
     """Nothing to gain, nothing split; repeated refinement changes nothing either."""
     assert len(refine(grid_cells(), uniform())) == 648
+    assert len(refine(even_cells(), uniform())) == len(even_cells())
     once = refine(grid_cells(), flash())
     assert len(refine(once, flash())) == len(once)

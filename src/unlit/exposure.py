@@ -1,0 +1,111 @@
+"""The gain that albedo and light share: no photo of a face tells it, but its user may.
+
+Albedo times g and light divided by g give the same picture. The stages settle it by a convention
+(`optimize.stages.exposed`), which albedo may exceed; here the finished estimate is brought back to
+what is possible, or to what is known: the albedo of a patch, or of the whole skin, or the
+illuminance that was measured where the face is lit best.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from .color import luminance
+from .errors import SettingsError
+from .photo import Crop
+
+AUTO = "auto"
+_NUMBER = r"\d+(?:\.\d+)?"
+# Radius of a patch, as a part of the crop's width.
+_PATCH = 0.01
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known: albedo of a patch at (x, y), pixels of the photo, or of the whole skin, by
+    Rec. 709 luminance; or illuminance, lux, of a surface that faces the light.
+    """
+
+    albedo: float | None = None
+    at: tuple[float, float] | None = None
+    lux: float | None = None
+
+
+def parse(text: str) -> Known:
+    """What `text` says; nothing for "auto". Raises SettingsError that lists what can be said."""
+    plain = "".join(text.lower().split())
+    if plain == AUTO:
+        return Known()
+    known = None
+    if found := re.fullmatch(rf"({_NUMBER})lux", plain):
+        known = Known(lux=float(found[1]))
+    elif found := re.fullmatch(rf"skin=({_NUMBER})", plain):
+        known = Known(float(found[1]))
+    elif found := re.fullmatch(rf"({_NUMBER}),({_NUMBER})=({_NUMBER})", plain):
+        known = Known(float(found[3]), (float(found[1]), float(found[2])))
+    if known is None or not (known.lux or 0 < (known.albedo or 0) <= 1):
+        raise SettingsError(
+            f"exposure={text!r}: write auto, skin=ALBEDO or X,Y=ALBEDO (a pixel of the photo and "
+            "its albedo, above 0, at most 1), or the illuminance as 500lux"
+        )
+    return known
+
+
+def patch(known: Known, crop: Crop, inside: np.ndarray, skin: np.ndarray) -> np.ndarray:
+    """The pixels (S, S) bool whose albedo is known. Raises SettingsError if none is measured.
+
+    inside: (S, S) bool, where the maps are measured; skin: (S, S) the soft mask.
+    """
+    if known.at is None:
+        found = inside & (skin > 0.5)
+        if known.albedo is not None and not found.any():
+            raise SettingsError("exposure: no bare skin was found; give a pixel as X,Y=ALBEDO")
+        return found
+    x, y = crop.points(known.at)
+    size = crop.resolution
+    ys, xs = np.mgrid[0:size, 0:size] + 0.5
+    found = inside & (np.hypot(xs - x, ys - y) <= max(1.0, _PATCH * size))
+    if not found.any():
+        raise SettingsError(
+            f"exposure: the photo's pixel {known.at[0]:g},{known.at[1]:g} is not on the face that "
+            "is measured; choose one on bare skin"
+        )
+    return found
+
+
+def check_unit(known: Known, unit: float | None) -> None:
+    """Raise SettingsError where lux are given and the photo has no unit (`Photo.unit`)."""
+    if known.lux is not None and unit is None:
+        raise SettingsError(
+            f"exposure={known.lux:g}lux: the photo does not tell its exposure time, f-number and "
+            "ISO speed; give an albedo instead"
+        )
+
+
+def full_light(e: np.ndarray) -> float:
+    """Luminance, in the photo's linear values, of a white card where the face is lit best.
+
+    e: (..., 3) diffuse shading in the light's colour. The 99th percentile, as in the convention.
+    """
+    return float(np.percentile(luminance(e), 99))
+
+
+def within_one(albedo: np.ndarray) -> float:
+    """The gain, at most 1, after which albedo (N, 3) stays within 1: no skin returns more light.
+
+    By the 99.9th percentile of its largest channel: files of 8 bits hold no more than 1 either.
+    """
+    return 1 / max(1.0, float(np.percentile(albedo.max(axis=1), 99.9)))
+
+
+def gain(known: Known, albedo: np.ndarray, full: float, unit: float | None) -> float:
+    """What albedo is to be multiplied with, and light divided by.
+
+    albedo: (N, 3) diffuse, of the patch. full: `full_light` of the face. unit: `Photo.unit`.
+    """
+    if known.lux is not None and unit is not None:
+        return np.pi * full * unit / known.lux
+    return (known.albedo or 1.0) / float(luminance(albedo).mean())

@@ -1,0 +1,66 @@
+"""Head models by name or file: the default, and those a user has added to his own folder."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import platformdirs
+
+from ..assets import FOLDER_VARIABLE
+from ..errors import ModelError
+from .model import HeadModel, default_model
+
+DEFAULT = "makehuman"
+_SUFFIX = ".npz"
+
+Progress = Callable[[str, int, int], None]
+
+
+def folder() -> Path:
+    """Where `add` keeps models: data of the user's that no cleaning of caches removes."""
+    return platformdirs.user_data_path("unlit", appauthor=False) / "heads"
+
+
+def added() -> dict[str, Path]:
+    """Models by name, in the folder that UNLIT_MODELS names and in the user's own."""
+    named = os.environ.get(FOLDER_VARIABLE)
+    places = [folder(), *([Path(named).expanduser()] if named else [])]
+    return {path.stem: path for place in places for path in sorted(place.glob(f"*{_SUFFIX}"))}
+
+
+def head_model(name: str) -> HeadModel:
+    """The default model, an added one by name, or that in a file. Raises ModelError."""
+    if name == DEFAULT:
+        return default_model()
+    if name.endswith(_SUFFIX):
+        return HeadModel.load(Path(name).expanduser())
+    known = added()
+    if name in known:
+        return HeadModel.load(known[name])
+    hint = "" if "ict" in known else "; `unlit models add ict FOLDER` adds ICT-FaceKit"
+    raise ModelError(
+        f"{name}: no such head model; give {', '.join((DEFAULT, *known))} or an .npz file{hint}"
+    )
+
+
+def add(name: str, source: Path, progress: Progress) -> Path:
+    """Build the model `name` from the files in `source` and keep it; returns its path.
+
+    progress: called with (what is done now, steps done, of all). Raises ModelError.
+    """
+    if name != "ict":
+        raise ModelError(f"{name}: no such head model to add; there is ict (ICT-FaceKit)")
+    from .ict import build
+
+    if not source.is_dir():
+        raise ModelError(f"{source}: not a folder; give FaceXModel of a copy of ICT-FaceKit")
+    model = build(source, progress)
+    place = folder() / f"{name}{_SUFFIX}"
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        model.save(place)
+    except OSError as error:
+        raise ModelError(f"{place}: cannot be written ({error.strerror})") from error
+    return place

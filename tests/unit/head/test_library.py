@@ -1,0 +1,80 @@
+"""Head models by name: added ones are found, others are refused with what there is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from unlit.errors import ModelError
+from unlit.head import ict, library
+from unlit.head.model import LANDMARKS, HeadModel
+
+
+def triangle(name: str) -> HeadModel:
+    """The smallest head there is."""
+    return HeadModel(
+        name=name,
+        licence="CC0-1.0",
+        origin="test",
+        neutral=np.eye(3, dtype=np.float32),
+        identity=np.zeros((0, 3, 3), np.float32),
+        expression=np.zeros((0, 3, 3), np.float32),
+        expression_names=(),
+        triangles=np.array([[0, 1, 2]], np.int32),
+        uv=np.zeros((1, 2), np.float32),
+        triangle_uv=np.zeros((1, 3), np.int32),
+        landmark_triangle=np.full(LANDMARKS, -1, np.int32),
+        landmark_barycentric=np.zeros((LANDMARKS, 3), np.float32),
+        vertex_region=np.zeros(3, np.uint8),
+    )
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The user's own folder, not there yet."""
+    monkeypatch.setattr(library, "folder", lambda: tmp_path / "heads")
+    monkeypatch.delenv("UNLIT_MODELS", raising=False)
+    return tmp_path
+
+
+def test_what_is_added_is_found_by_name_and_by_file(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`add` keeps the model that was built; a file of one's own needs no adding."""
+    monkeypatch.setattr(ict, "build", lambda source, progress: triangle(source.name))
+    (home / "copy").mkdir()
+    path = library.add("ict", home / "copy", lambda *_: None)
+    assert library.added() == {"ict": path}
+    assert library.head_model("ict").name == "copy"
+    triangle("mine").save(home / "mine.npz")
+    assert library.head_model(str(home / "mine.npz")).name == "mine"
+
+
+def test_the_named_folder_comes_first(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """UNLIT_MODELS wins over the user's own folder."""
+    for place in ("heads", "named"):
+        (home / place).mkdir()
+        triangle(place).save(home / place / "ict.npz")
+    assert library.head_model("ict").name == "heads"
+    monkeypatch.setenv("UNLIT_MODELS", str(home / "named"))
+    assert library.head_model("ict").name == "named"
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda home: library.head_model("flame"), "flame: no such head model; give makehuman or"),
+        (lambda home: library.head_model("flame"), "unlit models add ict FOLDER"),
+        (lambda home: library.head_model(str(home / "no.npz")), "no.npz: no such head model file"),
+        (lambda home: library.add("flame", home, print), "flame: no such head model to add"),
+        (lambda home: library.add("ict", home / "no", print), "not a folder"),
+    ],
+)
+def test_mistakes_are_one_line(home: Path, call, message: str) -> None:
+    """With what there is to choose from."""
+    with pytest.raises(ModelError) as error:
+        call(home)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)

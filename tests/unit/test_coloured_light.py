@@ -1,0 +1,117 @@
+"""A coloured light, and a pinned gain, from the photo to the result."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tiny_run
+from small_head import save_quickly
+from unlit.color import luminance
+from unlit.continuation import continued
+from unlit.errors import SettingsError
+from unlit.findings import findings
+from unlit.output import load, save
+from unlit.photo import Photo
+from unlit.pipeline import solve, with_light_color
+
+#: Dividing by powers of two is exact.
+COLOR = np.array([1, 0.5, 0.25], np.float32)
+REFLECTANCE = ("diffuse_albedo", "specular_albedo", "perturbation", "vertices")
+
+
+@pytest.fixture(scope="module")
+def white():
+    return tiny_run.run()
+
+
+@pytest.fixture(scope="module")
+def coloured():
+    """The same head under a lamp of another colour, which is known."""
+    seen = tiny_run.capture()
+    seen = replace(seen, image=seen.image * COLOR)
+    settings = tiny_run.settings(light_color="4,2,1")
+    seen = with_light_color(seen, tiny_run.head(), Photo.of(seen.image), settings)
+    return solve(seen, tiny_run.head(), settings)
+
+
+def test_the_lights_colour_leaves_no_trace_in_the_reflectance(white, coloured):
+    for name in REFLECTANCE:
+        np.testing.assert_array_equal(getattr(coloured, name), getattr(white, name), err_msg=name)
+    np.testing.assert_array_equal(coloured.light.amplitude, white.light.amplitude)
+
+
+def test_photo_and_render_keep_it(white, coloured):
+    np.testing.assert_array_equal(coloured.light.color, COLOR)
+    np.testing.assert_array_equal(coloured.image, white.image * COLOR)
+    np.testing.assert_allclose(coloured.render, white.render * COLOR, rtol=1e-6)
+    np.testing.assert_array_equal(coloured.diffuse_shading, white.diffuse_shading * COLOR)
+
+
+def test_relit_by_its_own_light_it_is_the_photo_again(white, coloured):
+    """And by a white light as if it had never been coloured."""
+    own = coloured.relight(coloured.light)
+    np.testing.assert_allclose(own, white.relight(white.light) * COLOR, rtol=1e-3, atol=1e-5)
+    inside = coloured.mask > 0.5
+    np.testing.assert_allclose(own[inside].mean(0), coloured.render[inside].mean(0), rtol=0.02)
+    uniform = np.ones((180, 360), np.float32)
+    np.testing.assert_array_equal(coloured.relight(uniform), white.relight(uniform))
+
+
+def test_warnings_do_not_depend_on_it(white, coloured):
+    assert findings(coloured) == findings(white)
+
+
+def test_an_image_as_if_white_stays_the_image_itself():
+    """Not even a copy: a result under white light cannot differ from one without the option."""
+    seen = tiny_run.capture()
+    same = with_light_color(seen, tiny_run.head(), Photo.of(seen.image), tiny_run.settings())
+    assert same.balanced is seen.image
+
+
+@pytest.fixture(scope="module")
+def pinned():
+    return tiny_run.run(chosen=tiny_run.settings(exposure="skin=0.2"))
+
+
+def test_the_skin_gets_the_albedo_that_is_known(pinned):
+    skin = (pinned.regions[..., 0] > 0.5) & (pinned.mask > 0)
+    assert luminance(pinned.diffuse_albedo[skin]).mean() == pytest.approx(0.2, rel=1e-4)
+
+
+def test_albedo_and_light_share_one_gain(white, pinned):
+    """Reflectance goes up by it, light comes down, and the picture stays."""
+    inside = white.mask > 0
+    for name in ("diffuse_albedo", "specular_albedo"):
+        ratio = getattr(pinned, name)[inside] / getattr(white, name)[inside]
+        np.testing.assert_allclose(ratio, pinned.gain, rtol=1e-4)
+    assert abs(np.log(pinned.gain)) > 0.2
+    ratio = pinned.light.amplitude / white.light.amplitude * pinned.gain
+    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-4)
+    np.testing.assert_allclose(ratio[0], 1, atol=0.1)
+    np.testing.assert_allclose(pinned.render, white.render, rtol=0.05, atol=1e-3)
+
+
+def test_its_own_light_gives_the_pinned_render(pinned):
+    own, inside = pinned.relight(pinned.light), pinned.mask > 0.5
+    np.testing.assert_allclose(own[inside].mean(0), pinned.render[inside].mean(0), rtol=0.02)
+
+
+def test_saved_and_continued(coloured, pinned, tmp_path):
+    """From stage 1 the run is repeated; from stage 5, without iterations, the gain is pinned."""
+    with pytest.MonkeyPatch.context() as patch:
+        save_quickly(patch)
+        save(coloured, tmp_path / "a")
+        save(pinned, tmp_path / "b")
+    a, b = load(tmp_path / "a"), load(tmp_path / "b")
+    again = continued(a, 1, tiny_run.settings(light_color="4,2,1"))
+    for name in (*REFLECTANCE, "render"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(coloured, name), err_msg=name)
+    chosen = tiny_run.settings(exposure="skin=0.2")
+    still = replace(chosen, stage5=replace(chosen.stage5, iterations=0))
+    inside = pinned.mask > 0
+    np.testing.assert_allclose(
+        continued(b, 5, still).diffuse_albedo[inside], pinned.diffuse_albedo[inside], rtol=1e-3
+    )
+    with pytest.raises(SettingsError, match="keeps its light's colour"):
+        continued(a, 4, tiny_run.settings())
