@@ -1,6 +1,7 @@
 """How good the method is, on subjects whose truth is known; a drop against the reference fails.
 
     python benchmarks/quality.py [--preset draft] [--subjects LIST] [--quick] [--prb]
+    python benchmarks/quality.py --geometry ...        the fitted mesh alone: geometry.py
 
 Every subject is photographed under each light, reconstructed as from any photo, and relit by all
 of them (unlit.evaluate). The table gives PSNR (dB, sRGB, inside the face, after one global gain)
@@ -24,6 +25,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import geometry
 from prb import baseline_rows
 from subjects import standard
 
@@ -33,8 +35,9 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 from unlit.evaluate.command import LIGHTS, light
 from unlit.evaluate.metrics import check_packages
 from unlit.evaluate.protocol import Row, Study
-from unlit.evaluate.store import Store, key
+from unlit.evaluate.store import Store
 from unlit.evaluate.table import Table, markdown
+from unlit.fingerprint import key
 from unlit.optimize.schedule import PRESETS
 
 REFERENCE = Path(__file__).with_name("quality_reference.json")
@@ -85,7 +88,11 @@ def unguarded(found: dict[str, float], known: dict[str, float]) -> list[str]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    if "--geometry" in sys.argv[1:]:
+        return geometry.main([x for x in sys.argv[1:] if x != "--geometry"])
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0], epilog="--geometry ...: see geometry.py --help"
+    )
     parser.add_argument("--preset", choices=tuple(PRESETS), default="draft")
     parser.add_argument("--subjects", default="", help="comma-separated; default all there are")
     parser.add_argument("--lights", default="flash,uniform,side", help="comma-separated")

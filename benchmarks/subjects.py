@@ -15,11 +15,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 from common import DISTANCE, WIDTH
+from scipy.spatial.transform import Rotation
 
 import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is loaded
 
 # isort: split
 from unlit.evaluate.protocol import Known
+from unlit.evaluate.scan import Scan
 from unlit.evaluate.subject import Features, Subject, paint
 from unlit.evaluate.subject_file import read_subject
 from unlit.head.eyelids import eyeballs
@@ -38,6 +40,7 @@ name = "Lee Perry-Smith"
 credit = "Infinite, 3D Head Scan by Lee Perry-Smith, CC BY 3.0"
 units = 5.5
 frontal = true
+object_to_world = {pose}
 
 [[mesh]]
 file = "{folder}/LeePerrySmith.glb"
@@ -49,14 +52,23 @@ normal = {{ file = "{folder}/Infinite-Level_02_Tangent_SmoothUV.jpg", space = "t
 """
 
 
-def own(skin: str, seed: int, size: int) -> Subject:
-    """A random person of the default head model, painted."""
+def own(
+    skin: str, seed: int, size: int, yaw: float = 0.0, expression: dict[str, float] | None = None
+) -> Subject:
+    """A random person of the default head model, painted.
+
+    yaw: of the head, degrees. expression: strengths of the model's units by name.
+    """
     model = default_model()
     rng = np.random.default_rng(seed)
     identity = rng.standard_normal(len(model.identity)).astype(np.float32) * 0.7
-    vertices = model.vertices(identity, np.zeros(len(model.expression), np.float32))
+    strengths = np.zeros(len(model.expression), np.float32)
+    for name, strength in (expression or {}).items():
+        strengths[model.expression_names.index(name)] = strength
+    vertices = model.vertices(identity, strengths)
     middle = np.nanmean(model.landmarks(vertices), axis=0)
-    vertices = (vertices - middle - (0, 0, DISTANCE)).astype(np.float32)
+    turn = Rotation.from_euler("y", yaw, degrees=True).as_matrix()
+    vertices = ((vertices - middle) @ turn.T - (0, 0, DISTANCE)).astype(np.float32)
     camera = Camera(size, size, size * DISTANCE / WIDTH, size / 2, size / 2)
     seen = camera.project(np.nan_to_num(model.landmarks(vertices), nan=-1.0))
 
@@ -83,11 +95,14 @@ def ict(skin: str, seed: int, size: int) -> Subject:
     return ict_subject(SHARED, skin, seed, size)
 
 
-def lee_perry_smith(size: int) -> Known:
-    """The scan."""
+def lee_perry_smith(size: int, yaw: float = 0.0) -> Scan:
+    """The scan, its head turned by `yaw` degrees."""
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_euler("y", yaw, degrees=True).as_matrix()
+    text = LEE_PERRY_SMITH.format(folder=SHARED / "data/scans/lee_perry_smith", pose=pose.tolist())
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "subject.toml"
-        file.write_text(LEE_PERRY_SMITH.format(folder=SHARED / "data/scans/lee_perry_smith"))
+        file.write_text(text)
         return read_subject(file, size)
 
 

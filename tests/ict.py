@@ -30,16 +30,21 @@ def ict_subject(
     freckles: int = 150,
     lipstick: bool = False,
     deviation: float = 0.8,
+    expression: dict[str, float] | None = None,
 ) -> Subject:
     """A random ICT identity (`deviation` standard deviations per component), painted.
 
-    The crop's camera stands 90 cm away; `yaw` turns the head, degrees.
+    The crop's camera stands 90 cm away; `yaw` turns the head, degrees. expression: strengths of
+    the model's units by name, as in {"mouthSmile_L": 0.6}.
     """
     with np.load(shared / "data/models/ict_facekit/ict_facekit.npz", allow_pickle=False) as data:
         rng = np.random.default_rng(seed)
         weights = rng.standard_normal(40) * deviation * np.linspace(1, 0.6, 40)
         shape = data["neutral"].astype(np.float32)
         shape = shape + np.tensordot(weights.astype(np.float32), data["identity"][:40], axes=1)
+        units = list(data["expression_names"])
+        for name, strength in (expression or {}).items():
+            shape = shape + strength * data["expression"][units.index(name)].astype(np.float32)
         triangles = data["triangles"].astype(np.int32)
         landmarks = data["landmarks_multipie68"].astype(int)
     triangles = triangles[(triangles < _USED).all(axis=1)]

@@ -4,7 +4,9 @@ The landmarker's points lie some 3 % of the eye distance beside the true ones, a
 together, so 478 of them are worth only a few independent measurements. The fit therefore trusts
 the contours it can name (lips, eyelids, nose, the face's outline across itself) and gives every
 point a large standard deviation against the identity's unit prior: a tight fit ends with worse
-normals than the mean head. Gauss-Newton with Huber weights; the focal length is given.
+normals than the mean head. What the landmarker gets wrong on average on a head turned this way
+(landmark_error.py) is taken off as the pose is found. Gauss-Newton with Huber weights; the focal
+length is given.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from ..perception.topology import (
 )
 from ..scene.camera import Camera
 from .eyelids import lids_outside_eyes
+from .landmark_error import LandmarkError, shipped_error
 from .lips import opening, seal_lips
 from .model import LANDMARKS, HeadModel
 
@@ -62,7 +65,7 @@ class FitSettings:
     oval_weight: float = 0.5
     oval_tangential: float = 0.05
     other_weight: float = 0.1
-    deviation: float = 25.0
+    deviation: float = 15.0
     huber: float = 4.0
     gap_deviation: float = 3.0
     expression_deviation: float = 0.3
@@ -132,7 +135,7 @@ class State:
 class LandmarkProblem:
     """Residuals of the landmarks the model carries, and one Gauss-Newton step on them.
 
-    Arguments and errors as for fit_head.
+    Arguments and errors as for fit_head; bias: of the landmarks, what is shipped if None.
     """
 
     def __init__(
@@ -141,8 +144,10 @@ class LandmarkProblem:
         landmarks: np.ndarray,
         camera: Camera,
         settings: FitSettings | None = None,
+        bias: LandmarkError | None = None,
     ) -> None:
         settings = settings or FitSettings()
+        self.bias = bias or shipped_error()
         landmarks = np.asarray(landmarks, dtype=np.float64)
         if landmarks.shape != (LANDMARKS, 3) or not np.isfinite(landmarks).all():
             raise FaceError("the face's landmarks are not 478 finite points: use another photo")
@@ -262,7 +267,7 @@ class LandmarkProblem:
         local = self.neutral + np.tensordot(shape, self.basis, axes=1)
         turned = local @ state.rotation.T
         world = turned + state.translation
-        error = camera.project(world) - self.goal
+        error = camera.project(world) - self.goal + self._expected(state.rotation, world)
         moves = np.concatenate(
             [
                 np.stack([np.cross(axis, turned) for axis in np.eye(3)], axis=-1),
@@ -289,6 +294,17 @@ class LandmarkProblem:
         matrix[6:, 6:] += gap_weight * rows.T @ rows
         gradient[6:] += gap_weight * rows.T @ gap_error.ravel()
         return matrix, gradient
+
+    def _expected(self, rotation: np.ndarray, world: np.ndarray) -> np.ndarray:
+        """Mean error (L, 2), pixels, of the landmarks of a head turned by `rotation`, at `world`.
+
+        Its change with the pose is left out of the Jacobian: it moves little within a step.
+        """
+        middle = world.mean(axis=0)
+        roll, yaw, pitch = _angles(rotation, middle)
+        cos, sin = np.cos(roll), np.sin(roll)
+        upright = self.bias.expected(yaw, pitch)[self.used]
+        return upright @ np.array([[cos, -sin], [sin, cos]]) * self.camera.focal / -middle[2]
 
     def fit(self, state: State, mouth_closed: bool) -> HeadFit:
         """The head at `state`: expression settled, lids outside the eyeballs, closed lips sealed.
@@ -318,6 +334,15 @@ class LandmarkProblem:
         eyes = [self.landmarks[list(eye), :2].mean(axis=0) for eye in (RIGHT_EYE, LEFT_EYE)]
         distance = np.linalg.norm(points - self.goal, axis=-1).mean()
         return float(distance / max(np.linalg.norm(eyes[0] - eyes[1]), 1e-6))
+
+
+def _angles(rotation: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Roll, yaw and pitch, radians, of a head at `place` (3,) seen along the ray to it."""
+    ray = place / np.linalg.norm(place)
+    across = np.cross(ray, (0, 0, -1))
+    size = np.linalg.norm(across)
+    turn = Rotation.from_rotvec(across * (np.arctan2(size, -ray[2]) / max(size, 1e-9)))
+    return (turn * Rotation.from_matrix(rotation)).as_euler("ZYX")
 
 
 def camera_motion(camera: Camera, world: np.ndarray, moves: np.ndarray) -> np.ndarray:

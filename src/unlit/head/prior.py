@@ -29,8 +29,8 @@ from .model import VERTEX_REGIONS, HeadModel
 _FILE = "makehuman_prior.npz"
 
 # Points that both models name: of ICT's 68, of the landmarker's 478.
-_COMMON = ((36, 33), (39, 133), (42, 362), (45, 263), (27, 168), (30, 4), (33, 2), (51, 0))
-_COMMON += ((48, 61), (54, 291), (57, 17), (8, 152))
+COMMON = ((36, 33), (39, 133), (42, 362), (45, 263), (27, 168), (30, 4), (33, 2), (51, 0))
+COMMON += ((48, 61), (54, 291), (57, 17), (8, 152))
 # The part of ICT's mesh that is skin: face, head and neck.
 _ICT_SKIN = 11_248
 _IDENTITIES = 100
@@ -93,14 +93,14 @@ class _Fitter:
         self.weight = weight * _INDEPENDENT / len(chosen)
         self.neutral = model.neutral[chosen].astype(np.float64)
         self.basis = model.identity[:, chosen].astype(np.float64)
-        common = [landmark for _, landmark in _COMMON]
+        common = [landmark for _, landmark in COMMON]
         self.common = model.landmarks(model.neutral)[common].astype(np.float64)
         self.common_basis = np.stack([model.landmarks(axis)[common] for axis in model.identity])
 
     def fit(self, surface: _Surface) -> tuple[np.ndarray, np.ndarray]:
         """Coefficients (I,) and their posterior covariance (I, I) under the prior N(0, 1)."""
         count = len(self.basis)
-        surface = surface.moved(*_procrustes(self.common, surface.common))
+        surface = surface.moved(*procrustes(self.common, surface.common))
         coefficients = np.zeros(count)
         matrix = np.eye(count)
         for iteration in range(_ITERATIONS):
@@ -148,7 +148,7 @@ def _normal_equations(
     return (rows * weight[:, None]).T @ rows, rows.T @ (weight * error)
 
 
-def _procrustes(source: np.ndarray, goal: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+def procrustes(source: np.ndarray, goal: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     """Scale, rotation and shift that bring points `source` (N, 3) nearest to `goal`."""
     a, b = source - source.mean(axis=0), goal - goal.mean(axis=0)
     u, sizes, vt = np.linalg.svd(b.T @ a)
@@ -164,7 +164,7 @@ def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> tuple[np.ndarray,
         neutral = arrays["neutral"].astype(np.float64)
         identity = arrays["identity"].astype(np.float32)
         triangles = arrays["triangles"].astype(int)
-        corners = arrays["landmarks_multipie68"].astype(int)[[ours for ours, _ in _COMMON]]
+        corners = arrays["landmarks_multipie68"].astype(int)[[ours for ours, _ in COMMON]]
     triangles = triangles[(triangles < _ICT_SKIN).all(axis=1)]
     fitter = _Fitter(model, weights)
     rng = np.random.default_rng(1)

@@ -1,17 +1,25 @@
 """Fitting: a known pose and shape come back, lips close, bounds hold, bad input is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from unlit.errors import FaceError
 from unlit.head.eyelids import eyeballs, lids_outside_eyes
-from unlit.head.fit import FitSettings, fit_head
+from unlit.head.fit import FitSettings, LandmarkProblem, fit_head
+from unlit.head.landmark_error import NO_ERROR, shipped_error
 from unlit.head.lips import LOWER_RIM, UPPER_RIM, opening, seal_lips
 from unlit.perception.topology import LEFT_LID_GAP, RIGHT_LID_GAP
 from unlit.scene.camera import Camera
 
 CAMERA = Camera(512, 512, 1100.0, 250.0, 262.0)
+
+
+def exact(head, landmarks, camera=CAMERA, settings=None):
+    """The fit to landmarks that have none of the landmarker's mean error."""
+    return LandmarkProblem(head, landmarks, camera, settings, NO_ERROR).solve()
 
 
 def seen(head, turn, place, identity=None, units=None):
@@ -32,7 +40,7 @@ def test_known_pose_comes_back(head, angles):
     turn = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
     place = np.array([1.0, -2.0, -48.0])
     landmarks, vertices = seen(head, turn, place)
-    fit = fit_head(head, landmarks, CAMERA)
+    fit = exact(head, landmarks)
     off = Rotation.from_matrix(fit.rotation @ turn.T).magnitude()
     assert np.degrees(off) < 0.5
     assert np.abs(fit.translation - place).max() < 0.3
@@ -41,13 +49,34 @@ def test_known_pose_comes_back(head, angles):
     assert fit.vertices.dtype == np.float32 and np.isfinite(fit.vertices).all()
 
 
+@pytest.mark.parametrize("roll", [0, 20])
+def test_the_mean_error_is_taken_off(head, roll):
+    """Landmarks that err as expected of this turn: the pose is found, and only that way."""
+    yaw, pitch = 30, 5
+    turn = Rotation.from_euler("ZYX", (roll, yaw, pitch), degrees=True).as_matrix()
+    place = np.array([0, 0, -60.0])
+    landmarks, _ = seen(head, turn, place)
+    depth = -np.nanmean(head.landmarks(head.neutral) @ turn.T + place, axis=0)[2]
+    error = shipped_error().expected(*np.radians((yaw, pitch))) * CAMERA.focal / depth
+    cos, sin = np.cos(np.radians(roll)), np.sin(np.radians(roll))
+    landmarks[:, :2] += error @ np.array([[cos, -sin], [sin, cos]])
+    centred = replace(CAMERA, cx=256, cy=256)  # the head is where the camera looks
+    landmarks[:, :2] += (256 - CAMERA.cx, 256 - CAMERA.cy)
+
+    def off(fit):
+        return np.degrees(Rotation.from_matrix(fit.rotation @ turn.T).magnitude())
+
+    assert off(fit_head(head, landmarks, centred)) < 1
+    assert off(exact(head, landmarks, centred)) > 2
+
+
 def test_identity_and_expression_help(head):
     """Trusting exact landmarks, the fit beats the mean head's residual threefold for a stranger."""
     rng = np.random.default_rng(3)
     identity = np.clip(rng.normal(size=len(head.identity)), -1.5, 1.5)
     landmarks, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]), identity, {"jawOpen": 0.5})
-    fit = fit_head(head, landmarks, CAMERA, FitSettings(deviation=8))
-    mean = fit_head(head, landmarks, CAMERA, FitSettings(deviation=1e6, gap_deviation=1e6))
+    fit = exact(head, landmarks, settings=FitSettings(deviation=8))
+    mean = exact(head, landmarks, settings=FitSettings(deviation=1e6, gap_deviation=1e6))
     assert fit.landmark_residual < mean.landmark_residual / 3
     assert (fit.expression >= 0).all() and (fit.expression <= 1).all()
     assert fit.expression[head.expression_names.index("jawOpen")] > 0.15
@@ -60,7 +89,7 @@ def test_resolution_does_not_matter(head):
         head, np.eye(3), np.array([0, 0, -50.0]), rng.normal(size=len(head.identity))
     )
     large = Camera(1024, 1024, 2200.0, 500.0, 524.0)
-    one, two = fit_head(head, landmarks, CAMERA), fit_head(head, landmarks * 2, large)
+    one, two = exact(head, landmarks), exact(head, landmarks * 2, large)
     np.testing.assert_allclose(one.vertices, two.vertices, atol=1e-3)
 
 
@@ -70,7 +99,7 @@ def test_closed_lips_are_closed(head):
     for upper, lower in zip(UPPER_RIM[1:-1], LOWER_RIM[1:-1], strict=True):
         closed[[upper, lower], 1] += (-0.8, 0.8)
     assert opening(closed[:, :2]) < FitSettings().closed
-    fit = fit_head(head, closed, CAMERA)
+    fit = exact(head, closed)
     rims = head.landmarks(fit.vertices)[[UPPER_RIM, LOWER_RIM]]
     assert (rims[0, 1:-1, 1] - rims[1, 1:-1, 1]).max() < 0.01
 
@@ -78,7 +107,7 @@ def test_closed_lips_are_closed(head):
 def test_open_mouth_stays_open(head):
     """An open mouth is not sealed."""
     landmarks, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]), units={"jawOpen": 0.5})
-    fit = fit_head(head, landmarks, CAMERA)
+    fit = exact(head, landmarks)
     points = head.landmarks(fit.vertices)
     assert points[13, 1] - points[14, 1] > 0.5
 
@@ -99,7 +128,7 @@ def test_closed_lids_cover_the_eye(head):
     """Eyes shut in the photo are shut in the fit, and nothing is left inside the eyeball."""
     units = {"eyeBlinkLeft": 1.0, "eyeBlinkRight": 1.0}
     landmarks, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]), units=units)
-    fit = fit_head(head, landmarks, CAMERA)
+    fit = exact(head, landmarks)
     points, rest = head.landmarks(fit.vertices), head.landmarks(head.neutral)
     for upper, lower in RIGHT_LID_GAP + LEFT_LID_GAP:
         assert abs(points[upper, 1] - points[lower, 1]) < 0.2 * (rest[upper, 1] - rest[lower, 1])

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from unlit.head.makehuman import inner_product_weights
 from unlit.head.model import HeadModel
-from unlit.head.prior import _COMMON, _Fitter, _Surface, _vertex_normals, shipped_prior
+from unlit.head.prior import COMMON, _Fitter, _Surface, _vertex_normals, shipped_prior
 
 
 def test_a_known_head_is_found_in_another_frame(head: HeadModel) -> None:
@@ -19,7 +19,7 @@ def test_a_known_head_is_found_in_another_frame(head: HeadModel) -> None:
     shape = head.vertices(truth, np.zeros(len(head.expression))).astype(np.float64)
     turn = Rotation.from_euler("xyz", (10, -20, 5), degrees=True).as_matrix()
     placed = 1.1 * shape @ turn.T + (3, -2, 7)
-    common = [landmark for _, landmark in _COMMON]
+    common = [landmark for _, landmark in COMMON]
     surface = _Surface(
         placed, _vertex_normals(placed, head.triangles), head.landmarks(placed)[common]
     )

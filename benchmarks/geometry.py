@@ -1,0 +1,382 @@
+"""How good the fitted mesh is, on heads whose surface is known (docs/geometry.md).
+
+    python benchmarks/geometry.py [--people LIST] [--lights LIST] [--model FILE] [--quick] -o DIR
+    python benchmarks/quality.py --geometry ...        the same
+
+Every head is photographed by path tracing under each light, and the head model is fitted to the
+photo in four ways. Per photo and way: the angle between the mesh's and the true normals (mean and
+median, degrees) and the error of depth after one scale (mm) inside the face without eyes, nostrils
+and inner mouth; the angle between the two heads' axes of symmetry (degrees), which says how far
+their turn is off whatever their shapes; the landmarks' residual (% of the eye distance).
+
+DIR gets geometry.md, geometry.json, a picture of the errors for each head, and in DIR/steps the
+photos, so that a second run takes half a second a photo. Settings are chosen on the people marked
+`tuned`, and judged on the others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from subjects import SHARED, lee_perry_smith, own
+
+import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is loaded
+
+# isort: split
+from threadpoolctl import threadpool_limits
+
+from unlit.color import encode_srgb
+from unlit.evaluate.command import light
+from unlit.evaluate.protocol import Known, Light, Shot, Study
+from unlit.evaluate.store import Store
+from unlit.evaluate.subject import visible_surface
+from unlit.evaluate.table import Table, markdown
+from unlit.fingerprint import key
+from unlit.head.fit import FitSettings, HeadFit, LandmarkProblem
+from unlit.head.model import HeadModel, default_model
+from unlit.optimize.photometric import photometric_fit
+from unlit.optimize.schedule import PRESETS
+from unlit.output import write_one
+from unlit.output.images import png
+from unlit.perception.topology import FACE_OVAL, LEFT_EYE, LIPS_INNER, RIGHT_EYE
+from unlit.photo import Photo
+from unlit.pipeline import Capture, observe
+
+SIZE = 256
+SKY = SHARED / "data/hdri/lebombo_1k.hdr"
+LIGHTS = ("uniform", "flash", "side", "sky")
+QUICK = ("own-41", "ict-22", "scan-20")
+#: All 478 points, each trusted to 1.5 pixels of 512: what a landmark fit should not do.
+TIGHT = FitSettings(oval_weight=1, other_weight=1, deviation=1.5, huber=30, last_deviation=1.5)
+#: Pairs of landmarks around the nostrils, and the radius about their middle, pixels of 512.
+_NOSTRILS, _NOSTRIL = ((98, 97), (327, 326)), 6.0
+_WORST = 30.0
+
+_SMILE = {"mouthSmile_L": 0.6, "mouthSmile_R": 0.5, "cheekSquint_L": 0.3, "cheekSquint_R": 0.3}
+_OPEN = {"jawOpen": 0.3, "browInnerUp_L": 0.5, "browInnerUp_R": 0.5}
+_OWN_SMILE = {"mouthSmileLeft": 0.5, "mouthSmileRight": 0.6, "browInnerUp": 0.4}
+_OWN_POUT = {"mouthPucker": 0.5, "browDownLeft": 0.5, "browDownRight": 0.5}
+
+
+@dataclass(frozen=True)
+class Person:
+    """A head to be fitted: how to make it at a size, its turn, degrees, and which half it is of."""
+
+    make: Callable[[int], Known]
+    yaw: float
+    tuned: bool
+
+
+def _ict(skin: str, seed: int, yaw: float, tuned: bool, **more: object) -> Person:
+    def make(size: int) -> Known:
+        sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+        from ict import ict_subject
+
+        return ict_subject(SHARED, skin, seed, size, yaw, **more)
+
+    return Person(make, yaw, tuned)
+
+
+def _own(skin: str, seed: int, yaw: float, tuned: bool, expression: dict[str, float]) -> Person:
+    return Person(lambda size: own(skin, seed, size, yaw, expression), yaw, tuned)
+
+
+def _scan(yaw: float, tuned: bool) -> Person:
+    return Person(lambda size: lee_perry_smith(size, yaw), yaw, tuned)
+
+
+def people() -> dict[str, Person]:
+    """All heads that this machine can make; all but own-* need the licensed test data."""
+    found = {
+        "own-41": _own("light", 41, 12, True, _OWN_SMILE),
+        "own-42": _own("dark", 42, -18, False, _OWN_POUT),
+    }
+    if (SHARED / "data").is_dir():
+        found |= {
+            "ict-21": _ict("light", 21, 0, True),
+            "ict-22": _ict("dark", 22, 15, True),
+            "ict-23": _ict("light", 23, -25, True),
+            "ict-24": _ict("medium", 24, 8, True, deviation=1.1, expression=_SMILE),
+            "ict-31": _ict("dark", 31, 0, False),
+            "ict-32": _ict("light", 32, 30, False),
+            "ict-33": _ict("medium", 33, -12, False, lipstick=True),
+            "ict-34": _ict("light", 34, -5, False, deviation=1.1),
+            "ict-35": _ict("medium", 35, 20, False, expression=_SMILE),
+            "ict-36": _ict("dark", 36, -20, False, expression=_OPEN),
+            "scan-20": _scan(20, True),
+            "scan-0": _scan(0, False),
+            "scan--30": _scan(-30, False),
+        }
+    return found
+
+
+@dataclass(frozen=True)
+class Case:
+    """One photo of a person. mask: where errors count. position, normal: (H, W, 3), the truth."""
+
+    name: str
+    light: str
+    yaw: float
+    capture: Capture
+    mask: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+
+
+def cases(
+    name: str, person: Person, lights: Sequence[str], steps: Path, size: int = SIZE
+) -> list[Case]:
+    """The person photographed under every light."""
+    subject = person.make(size)
+    vertices, triangles = subject.mesh()
+    known = tuple(named(x) for x in ("uniform", *(x for x in lights if x != "uniform")))
+    content = key(name, size, vertices, triangles, *vars(subject.truth).values())
+    study = Study(
+        subject, content, known, replace(PRESETS["draft"], resolution=size), Store(steps), 64
+    )
+    captures = {shot.light.name: _capture(name, shot, subject) for shot in study.shots()}
+    position, normal = visible_surface(*_welded(vertices, triangles), subject.camera)
+    mask = face(captures["uniform"].landmarks[:, :2], size) & (normal != 0).any(axis=2)
+    return [
+        Case(name, x, person.yaw, captures[x], mask, position, normal)
+        for x in lights
+        if x in captures
+    ]
+
+
+def named(name: str) -> Light:
+    """A light by name; `sky` is a photographed one."""
+    return replace(light(str(SKY)), name=name) if name == "sky" else light(name)
+
+
+def _capture(name: str, shot: Shot, subject: Known) -> Capture:
+    photo = np.rint(255 * np.clip(encode_srgb(shot.image), 0, 1)).astype(np.uint8)
+    return observe(Photo.of(photo, name), shot.image.shape[0], "largest", camera=subject.camera)
+
+
+def _welded(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh without the copies of vertices along cuts of the texture, whose normals differ."""
+    vertices, index = np.unique(np.round(vertices, 4), axis=0, return_inverse=True)
+    return vertices.astype(np.float32), index.ravel()[triangles].astype(np.int32)
+
+
+def face(landmarks: np.ndarray, size: int) -> np.ndarray:
+    """(S, S) bool: the face's oval without eyes, nostrils, inner mouth and a margin."""
+    unit = size / 512
+
+    def filled(contour: tuple[int, ...]) -> np.ndarray:
+        image = np.zeros((size, size), np.uint8)
+        cv2.fillPoly(image, [np.round(landmarks[list(contour)]).astype(np.int32)], 1)
+        return image
+
+    def disk(radius: float) -> np.ndarray:
+        side = 2 * max(1, round(radius * unit)) + 1
+        return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+
+    inside = cv2.erode(filled(FACE_OVAL), disk(6))
+    holes = filled(RIGHT_EYE) | filled(LEFT_EYE) | filled(LIPS_INNER)
+    for a, b in _NOSTRILS:
+        middle = landmarks[[a, b]].mean(axis=0) - (0, 2 * unit)
+        cv2.circle(holes, np.round(middle).astype(int).tolist(), round(_NOSTRIL * unit), 1, -1)
+    return (inside > 0) & (cv2.dilate(holes, disk(3)) == 0)
+
+
+Fitter = Callable[[HeadModel, Capture], HeadFit]
+
+
+def _closed(capture: Capture) -> bool:
+    return bool(capture.regions.mouth.max() < 0.5)
+
+
+def mean_head(model: HeadModel, capture: Capture) -> HeadFit:
+    """The mean head with the pose that fits the landmarks best."""
+    problem = LandmarkProblem(model, capture.landmarks, capture.camera)
+    state = problem.start()
+    for _ in range(problem.settings.iterations):
+        state = problem.step(state, free_shape=False)
+    vertices = model.vertices(state.identity, state.expression) @ state.rotation.T
+    vertices = (vertices + state.translation).astype(np.float32)
+    residual = problem.residual(vertices)
+    return HeadFit(
+        state.rotation, state.translation, state.identity, state.expression, vertices, residual
+    )
+
+
+def landmark_fit(settings: FitSettings) -> Fitter:
+    """To the landmarks alone."""
+    return lambda model, capture: LandmarkProblem(
+        model, capture.landmarks, capture.camera, settings
+    ).solve(_closed(capture))
+
+
+def shading_fit(model: HeadModel, capture: Capture) -> HeadFit:
+    """What `unlit reconstruct` does."""
+    problem = LandmarkProblem(model, capture.landmarks, capture.camera)
+    closed = _closed(capture)
+    fit = problem.solve(closed)
+    return photometric_fit(problem, fit, capture.image, capture.regions, mouth_closed=closed)
+
+
+FITTERS: dict[str, Fitter] = {
+    "mean head": mean_head,
+    "tight": landmark_fit(TIGHT),
+    "landmarks": landmark_fit(FitSettings()),
+    "photometric": shading_fit,
+}
+
+
+@dataclass(frozen=True)
+class Found:
+    """Errors of one fit: figures by name, and the normals' error (H, W), degrees, NaN outside."""
+
+    figures: dict[str, float]
+    image: np.ndarray
+
+
+def judge(case: Case, model: HeadModel, fit: HeadFit, seconds: float) -> Found:
+    """The errors that the module's docstring names."""
+    position, normal = visible_surface(fit.vertices, model.triangles, case.capture.camera)
+    seen = case.mask & (normal != 0).any(axis=2)
+    cosine = np.clip((normal * case.normal).sum(axis=2), -1, 1)
+    error = np.where(seen, np.degrees(np.arccos(cosine)), np.nan)
+    ours, true = -position[seen][:, 2], -case.position[seen][:, 2]
+    scale = np.median(true / ours)
+    yaw = np.radians(case.yaw)
+    axis = fit.rotation @ (1, 0, 0)
+    turn = np.degrees(np.arctan2(-axis[2], axis[0])) - np.degrees(yaw)
+    across = np.array([np.cos(yaw), 0, -np.sin(yaw)])
+    figures = {
+        "normal_mean": np.nanmean(error),
+        "normal_median": np.nanmedian(error),
+        "depth_mm": 10 * np.abs(scale * ours - true).mean(),
+        "turn": np.degrees(np.arccos(np.clip(axis @ across, -1, 1))),
+        "yaw": turn,
+        "landmarks_percent": 100 * fit.landmark_residual,
+        "seconds": seconds,
+    }
+    return Found({name: round(float(x), 3) for name, x in figures.items()}, error)
+
+
+def run(case: Case, model: HeadModel, fitters: dict[str, Fitter] | None = None) -> dict[str, Found]:
+    """Every way of fitting on one photo."""
+    found = {}
+    for name, fitter in (fitters or FITTERS).items():
+        start = time.process_time()
+        with threadpool_limits(1, user_api="blas"):
+            fit = fitter(model, case.capture)
+        found[name] = judge(case, model, fit, time.process_time() - start)
+    return found
+
+
+def picture(rows: list[tuple[Case, dict[str, Found]]]) -> np.ndarray:
+    """(H, W, 3) uint8 sRGB: one row a light, the photo and each way's error, 0 to 30 degrees."""
+    lines = []
+    for case, found in rows:
+        photo = np.rint(255 * np.clip(encode_srgb(case.capture.image), 0, 1)).astype(np.uint8)
+        line = [photo]
+        for way in found.values():
+            level = np.rint(255 * np.clip(np.nan_to_num(way.image) / _WORST, 0, 1))
+            colour = cv2.applyColorMap(level.astype(np.uint8), cv2.COLORMAP_INFERNO)[..., ::-1]
+            line.append(np.where(np.isnan(way.image)[..., None], photo // 3, colour))
+        lines.append(np.concatenate(line, axis=1))
+    return np.concatenate(lines).astype(np.uint8)
+
+
+Results = dict[str, dict[str, dict[str, dict[str, float]]]]  # person, light, way, figure
+
+
+def tables(results: Results, tuned: dict[str, bool]) -> list[Table]:
+    """Every photo; and the means of the two halves."""
+    names = list(_first(_first(results)))
+    body = []
+    for person, lights in results.items():
+        for name, found in lights.items():
+            cells = (
+                f"{x['normal_mean']:.1f} / {x['normal_median']:.1f} / {x['depth_mm']:.1f} / "
+                f"{x['turn']:.1f} / {x['landmarks_percent']:.1f}"
+                for x in found.values()
+            )
+            body.append((person, "tuned" if tuned[person] else "", name, *cells))
+    every = Table(
+        "Normals mean / median (degrees) / depth (mm) / turn (degrees) / landmarks (%)",
+        ("head", "half", "light", *names),
+        tuple(body),
+    )
+    means = []
+    for half, is_tuned in (("tuned", True), ("held out", False)):
+        for kind in ("own", "ict", "scan"):
+            chosen = [p for p in results if p.startswith(kind) and tuned[p] == is_tuned]
+            for name in sorted({x for p in chosen for x in results[p]}):
+                found = [results[p][name] for p in chosen if name in results[p]]
+                cells = (
+                    " / ".join(
+                        f"{np.mean([f[way][figure] for f in found]):.1f}"
+                        for figure in ("normal_mean", "depth_mm", "turn")
+                    )
+                    for way in names
+                )
+                means.append((kind, half, name, *cells))
+    halves = Table(
+        "Means: normals (degrees) / depth (mm) / turn (degrees)",
+        ("heads", "half", "light", *names),
+        tuple(means),
+    )
+    return [halves, every]
+
+
+def _first(mapping: dict) -> dict:
+    return next(iter(mapping.values()))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--people", default="", help="comma-separated; default all there are")
+    parser.add_argument("--lights", default=",".join(LIGHTS), help="comma-separated")
+    parser.add_argument("--model", type=Path, help="head model file; default the built-in one")
+    parser.add_argument("--quick", action="store_true", help="three people, flash and side light")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="folder to write")
+    options = parser.parse_args(arguments)
+    everyone = people()
+    chosen = options.people.split(",") if options.people else list(everyone)
+    lights = options.lights.split(",")
+    if options.quick:
+        chosen, lights = [name for name in QUICK if name in everyone], ["flash", "side"]
+    if unknown := set(chosen) - set(everyone):
+        parser.error(f"no such head here: {', '.join(sorted(unknown))}; {', '.join(everyone)}")
+    if not SKY.is_file():
+        lights = [name for name in lights if name != "sky"]
+    model = default_model() if options.model is None else HeadModel.load(options.model)
+    folder = options.output
+    results: Results = {}
+    for name in chosen:
+        rows = [
+            (case, run(case, model))
+            for case in cases(name, everyone[name], lights, folder / "steps" / name)
+        ]
+        results[name] = {
+            case.light: {way: x.figures for way, x in found.items()} for case, found in rows
+        }
+        write_one(folder / f"{name}.png", png(picture(rows)))
+        print(f"{name} done", file=sys.stderr, flush=True)
+    facts = [f"head model {model.name}, {SIZE} x {SIZE} pixels, 64 samples a pixel"]
+    tuned = {name: everyone[name].tuned for name in chosen}
+    text = markdown("Geometry", facts, tables(results, tuned))
+    write_one(folder / "geometry.md", text.encode())
+    content = {"model": model.name, "size": SIZE, "tuned": tuned, "figures": results}
+    write_one(folder / "geometry.json", json.dumps(content, indent=1).encode())
+    print(text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
