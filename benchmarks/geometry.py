@@ -202,12 +202,7 @@ def mean_head(model: HeadModel, capture: Capture) -> HeadFit:
     state = problem.start()
     for _ in range(problem.settings.iterations):
         state = problem.step(state, free_shape=False)
-    vertices = model.vertices(state.identity, state.expression) @ state.rotation.T
-    vertices = (vertices + state.translation).astype(np.float32)
-    residual = problem.residual(vertices)
-    return HeadFit(
-        state.rotation, state.translation, state.identity, state.expression, vertices, residual
-    )
+    return problem.posed(state, model.vertices(state.identity, state.expression))
 
 
 def landmark_fit(settings: FitSettings) -> Fitter:

@@ -79,7 +79,9 @@ def continued(
         face.triangle_uv,
         fit.landmark_triangle,
         fit.landmark_barycentric,
+        fit.landmarks,
         metrics.get("landmark_residual"),
+        metrics.get("head_model"),
     )
 
     def begin(problem: Problem, seconds: dict[str, float]) -> Begin | None:

@@ -33,6 +33,7 @@ def findings(r: Reconstruction) -> list[str]:
         _shadowed(_share(shading[inside].mean(axis=1) < _SHADOW)),
         _saturated(_share((photo >= EXPOSED[1]).any(axis=1))),
         _crushed(_share((photo <= EXPOSED[0]).all(axis=1))),
+        _impossible(_share((r.diffuse_albedo[inside] > 1).any(axis=1))),
         _at_bound(_share((albedo[inside] >= _NEAR * bound).any(axis=1))),
         _small(r, inside),
         _misfit(r.metrics.get("landmark_residual")),
@@ -69,6 +70,15 @@ def _crushed(share: float) -> str:
     return (
         f"Clipped: {share:.1%} of the face is black in the file. It says nothing about the skin "
         "there; a brighter exposure would help."
+    )
+
+
+def _impossible(share: float) -> str:
+    if share < _CLIPPED_SHARE:
+        return ""
+    return (
+        f"Bright: the diffuse albedo of {share:.1%} of the face exceeds 1, which no skin does. The "
+        "known albedo or illuminance is too high or too low; files of 8 bits are clipped there."
     )
 
 

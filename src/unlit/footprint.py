@@ -16,15 +16,15 @@ from .errors import SettingsError
 _MEMORY, _MEMORY_PER_PIXEL = 0.9e9, 550.0
 #: Milliseconds of an iteration, and more for each million pixels of the crop, on two cores.
 _PACE = {
-    "stage1": (8.0, 0.0),
-    "stage2": (8.0, 30.0),
-    "stage3": (20.0, 80.0),
-    "stage4": (2.0, 60.0),
-    "stage5": (2.0, 60.0),
+    "stage1": (7.0, 6.0),
+    "stage2": (9.0, 29.0),
+    "stage3": (17.0, 105.0),
+    "stage4": (1.0, 85.0),
+    "stage5": (1.0, 72.0),
 }
 _CORES = 2
 #: Seconds of everything but the iterations, and more for each million pixels.
-_REST, _REST_PER_MEGAPIXEL = 20.0, 25.0
+_REST, _REST_PER_MEGAPIXEL = 24.0, 25.0
 
 _UNITS = {"GB": 1e9, "GIB": 2.0**30, "MB": 1e6, "MIB": 2.0**20}
 

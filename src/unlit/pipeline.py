@@ -85,7 +85,9 @@ class Capture:
 class Head:
     """The mesh the stages start from, in the world frame, cm, with its layout and landmarks.
 
-    Arrays as in HeadModel and HeadFit; landmark_residual is None for a mesh that was not fitted.
+    Arrays as in HeadModel and HeadFit. landmarks and landmark_residual are None for a mesh that
+    was not fitted: stage 3 then takes the capture's landmarks as they are. model: name and licence
+    of the head model.
     """
 
     vertices: np.ndarray
@@ -94,7 +96,9 @@ class Head:
     triangle_uv: np.ndarray
     landmark_triangle: np.ndarray
     landmark_barycentric: np.ndarray
+    landmarks: np.ndarray | None = None
     landmark_residual: float | None = None
+    model: str | None = None
 
 
 def reconstruct(
@@ -119,7 +123,7 @@ def reconstruct(
     far after the fit and after every stage. checkpoint: where the state is kept after every stage,
     and from where it is resumed; `save` removes it from the result's folder.
 
-    Raises PhotoError, FaceError, ModelError, OutputError or MachineError.
+    Raises PhotoError, FaceError, ModelError, SettingsError, OutputError or MachineError.
     """
     clock = _Clock()
     progress("photo", 0, 1, 0.0)
@@ -127,7 +131,8 @@ def reconstruct(
     kept = None if mask is None else read_mask(mask, loaded)
     if checkpoint is not None:
         content = key(loaded.pixels, loaded.focal)
-        choices = {"face": face, "mask": None if kept is None else key(kept)}
+        own = None if model is None else key(model.name, model.neutral, model.identity)
+        choices = {"face": face, "mask": None if kept is None else key(kept), "model": own}
         checkpoint.belongs_to((Path(loaded.source).name, content), settings, choices)
     clock.lap("photo")
     progress("perception", 0, 1, 0.0)
@@ -190,7 +195,9 @@ def fitted_head(capture: Capture, model: HeadModel) -> Head:
         model.triangle_uv,
         model.landmark_triangle,
         model.landmark_barycentric,
+        fit.landmarks,
         fit.landmark_residual,
+        f"{model.name}, {model.licence}",
     )
 
 
@@ -223,7 +230,8 @@ def solve(
     """The five stages on one capture, starting from the mesh `head`.
 
     begin: given the problem and the seconds so far, what the stages go on from. keep: called at
-    the end of each stage.
+    the end of each stage. Raises FaceError, and SettingsError where the patch of a known albedo is
+    not on the face.
     """
     lap = clock or _Clock()
     try:
@@ -235,6 +243,7 @@ def solve(
     def result(estimate: Estimate, shading: Shading | None) -> Reconstruction:
         metrics = {
             "landmark_residual": head.landmark_residual,
+            "head_model": head.model,
             "losses": problem.history,
             "seconds": dict(lap.laps),
             "peak_memory_mb": _peak_memory(),
@@ -321,7 +330,7 @@ def evidence(capture: Capture, head: Head) -> Evidence:
         camera=capture.camera,
         vertices=head.vertices,
         triangles=head.triangles,
-        landmarks=capture.landmarks[:, :2],
+        landmarks=capture.landmarks[:, :2] if head.landmarks is None else head.landmarks,
         landmark_triangle=head.landmark_triangle,
         landmark_barycentric=head.landmark_barycentric,
         landmark_weight=(head.landmark_triangle >= 0).astype(np.float32),
@@ -390,7 +399,7 @@ def _result(
         gain=gain,
         fit=Fit(
             np.asarray(head.vertices, np.float32),
-            np.asarray(capture.landmarks[:, :2], np.float32),
+            np.asarray(problem.evidence.landmarks, np.float32),
             np.asarray(head.landmark_triangle, np.int32),
             np.asarray(head.landmark_barycentric, np.float32),
         ),

@@ -7,6 +7,7 @@ import pytest
 
 from report_head import report_head
 from unlit.findings import findings
+from unlit.optimize.schedule import Settings
 from unlit.photo import Crop
 
 
@@ -37,12 +38,19 @@ def test_a_good_photo_has_none(face):
         ({"diffuse_shading": 0.05}, 0.25, "Shadowed: 25%"),
         ({"image": 1.0}, 0.03, "Saturated: 3.0%"),
         ({"image": 0.0}, 0.03, "Clipped: 3.0% of the face is black"),
-        ({"diffuse_albedo": 1.6}, 0.03, "Clipped: the diffuse albedo of 3.0%"),
+        ({"diffuse_albedo": 1.1}, 0.03, "Bright: the diffuse albedo of 3.0%"),
     ],
 )
 def test_each_names_its_share(face, images, share, word):
     (sentence,) = findings(spoilt(face, share, **images))
     assert sentence.startswith(word)
+
+
+def test_an_albedo_at_its_bound_is_seen_behind_the_gain(face):
+    """What was lowered to 1 at the end may have stopped at the stages' bound."""
+    lowered = replace(spoilt(face, 0.03, diffuse_albedo=1.0), gain=1 / Settings().max_diffuse)
+    (sentence,) = findings(lowered)
+    assert sentence.startswith("Clipped: the diffuse albedo of 3.0%")
 
 
 def test_one_bright_channel_is_saturated_but_one_dark_is_not_clipped(face):

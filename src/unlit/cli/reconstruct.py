@@ -153,6 +153,7 @@ def _continue(options: argparse.Namespace) -> int:
         "--model": options.model is not None,
         "--preset": options.preset != "paper",
         "--resolution": options.resolution is not None,
+        "--memory": options.memory is not None,
         "--seed": options.seed is not None,
         "--light-color": options.light_color is not None,
         "--config": options.config is not None,

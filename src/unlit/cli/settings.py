@@ -31,7 +31,8 @@ def add_settings(parser: argparse.ArgumentParser, preset: str, every_face: bool 
         "--memory",
         type=_memory,
         metavar="SIZE",
-        help="refuse to begin what takes more, e.g. 4GB; 512 pixels a side take 1.1 GB, 2048 3.3; "
+        help="refuse to begin what takes more, e.g. 4GB; "
+        f"512 pixels a side take {_gigabytes(512)}, 2048 take {_gigabytes(2048)}; "
         "in a batch, what its workers on this machine take together",
     )
     parser.add_argument("--seed", type=int, metavar="N", help="seed of random choices")
@@ -111,6 +112,10 @@ def _assignment(text: str) -> tuple[str, str]:
     if not (name and equals):
         raise argparse.ArgumentTypeError(f"{text!r}: write NAME=VALUE")
     return name.strip(), value.strip()
+
+
+def _gigabytes(resolution: int) -> str:
+    return f"{footprint.memory(resolution) / 1e9:.1f} GB"
 
 
 def _memory(text: str) -> float:

@@ -81,7 +81,8 @@ class HeadFit:
     rotation (3, 3), translation (3,) cm: world = rotation @ model + translation, float64.
     identity (I,), in standard deviations; expression (E,), in [0, 1].
     vertices: (V, 3) float32, world frame (scene/camera.py), cm.
-    landmark_residual: mean distance between landmarks and model, in eye distances.
+    landmarks: (478, 2) pixels, the detected ones without the landmarker's mean error.
+    landmark_residual: mean distance between them and the model, in eye distances.
     """
 
     rotation: np.ndarray
@@ -89,6 +90,7 @@ class HeadFit:
     identity: np.ndarray
     expression: np.ndarray
     vertices: np.ndarray
+    landmarks: np.ndarray
     landmark_residual: float
 
 
@@ -318,22 +320,29 @@ class LandmarkProblem:
         shape = lids_outside_eyes(self.model, shape)
         if mouth_closed or opening(self.landmarks[:, :2]) < self.settings.closed:
             shape = seal_lips(self.model, shape)
+        return self.posed(state, shape)
+
+    def posed(self, state: State, shape: np.ndarray) -> HeadFit:
+        """`shape` (V, 3), in the model's frame, in the pose of `state`, as a fit."""
         vertices = shape @ state.rotation.T + state.translation
+        landmarks = self.landmarks[:, :2].copy()
+        world = self.model.landmarks(vertices)[self.used]
+        landmarks[self.used] -= self._expected(state.rotation, world)
         return HeadFit(
             rotation=state.rotation,
             translation=state.translation,
             identity=state.identity.astype(np.float32),
             expression=state.expression.astype(np.float32),
             vertices=vertices.astype(np.float32),
-            landmark_residual=self.residual(vertices),
+            landmarks=landmarks.astype(np.float32),
+            landmark_residual=self._residual(landmarks, world),
         )
 
-    def residual(self, vertices: np.ndarray) -> float:
-        """Mean distance of the carried landmarks from `vertices` (V, 3), in eye distances."""
-        points = self.camera.project(self.model.landmarks(vertices)[self.used])
-        eyes = [self.landmarks[list(eye), :2].mean(axis=0) for eye in (RIGHT_EYE, LEFT_EYE)]
-        distance = np.linalg.norm(points - self.goal, axis=-1).mean()
-        return float(distance / max(np.linalg.norm(eyes[0] - eyes[1]), 1e-6))
+    def _residual(self, landmarks: np.ndarray, world: np.ndarray) -> float:
+        """Mean distance of `landmarks` from those the model carries, (L, 3), in eye distances."""
+        eyes = [landmarks[list(eye)].mean(axis=0) for eye in (RIGHT_EYE, LEFT_EYE)]
+        distance = np.linalg.norm(self.camera.project(world) - landmarks[self.used], axis=-1)
+        return float(distance.mean() / max(np.linalg.norm(eyes[0] - eyes[1]), 1e-6))
 
 
 def _angles(rotation: np.ndarray, place: np.ndarray) -> np.ndarray:

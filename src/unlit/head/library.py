@@ -1,4 +1,4 @@
-"""Head models by name or file: the default, and those a user has added to his own folder."""
+"""Head models by name or file: the default, and those that a user has added."""
 
 from __future__ import annotations
 

@@ -185,7 +185,8 @@ def _validate(model: HeadModel) -> None:
         return value
 
     for field in ("name", "licence", "origin"):
-        check(isinstance(getattr(model, field), str), field, "must be text")
+        text = getattr(model, field)
+        check(isinstance(text, str) and text.isprintable(), field, "must be one line of text")
     count = len(array("neutral", "float32", None, 3))
     check(3 <= count <= MAX_VERTICES, "neutral", f"has {count} vertices, at most {MAX_VERTICES}")
     array("identity", "float32", None, count, 3)

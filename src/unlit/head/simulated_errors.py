@@ -28,7 +28,7 @@ from .eyelids import eyeballs
 from .landmark_error import FILE, learn
 from .model import LANDMARKS, HeadModel, default_model
 
-_HEADS = 240
+_HEADS = 180
 _PHOTOS = 3
 _SIZE = 256
 _SAMPLES = 16

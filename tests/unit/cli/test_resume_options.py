@@ -104,6 +104,9 @@ def test_from_stage(calls, tmp_path, capsys):
         (("--resume", "x", "--from-stage", "2", "--mask", "m"), "--mask has no use"),
         (("--resume", "x", "--from-stage", "2", "--preset", "draft"), "--preset has no use"),
         (("--resume", "x", "--from-stage", "2", "--resolution", "300"), "--resolution has no use"),
+        (("--resume", "x", "--from-stage", "2", "--memory", "4GB"), "--memory has no use"),
+        (("--resume", "x", "--from-stage", "2", "--model", "ict"), "--model has no use"),
+        (("--resume", "x", "--from-stage", "2", "--light-color", "auto"), "--light-color has no"),
     ],
 )
 def test_wrong_usage_is_2_and_one_line(photo, calls, capsys, arguments, said):

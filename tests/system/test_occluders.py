@@ -1,0 +1,103 @@
+"""What covers or outshines part of the face does not spoil the albedo of the rest."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+import unlit
+from unlit.evaluate.metrics import best_gain, psnr
+from unlit.pipeline import Capture, Head, observe, solve
+from unlit.reconstruction import Reconstruction
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+SIZE = 256
+#: Landmarks: the forehead's outline, tops of the brows, corners of both eyes.
+FOREHEAD = [10, 338, 297, 332, 284, 54, 103, 67, 109]
+BROWS = [105, 334]
+EYES = [(33, 133), (362, 263)]
+
+
+def strip(image: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Dark hair over a third of the forehead, and where it is."""
+    x, y = points[FOREHEAD].T
+    rows = slice(int(y.min()) - 6, int(points[BROWS, 1].min()) - 3)
+    where = np.zeros(image.shape[:2], dtype=bool)
+    where[rows, int(x.min()) - 8 : int(x.min() - 8 + (np.ptp(x) + 16) / 3)] = True
+    dark = np.array([0.02, 0.015, 0.012])
+    shade = 1 + 0.5 * np.random.default_rng(0).random((where.sum(), 1))
+    return _painted(image, where, dark * shade), where
+
+
+def sunglasses(image: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two black ellipses over the eyes and a bar between them."""
+    y, x = np.mgrid[0 : image.shape[0], 0 : image.shape[1]]
+    where = np.zeros(image.shape[:2], dtype=bool)
+    for inner, outer in EYES:
+        cx, cy = points[[inner, outer]].mean(axis=0)
+        r = np.linalg.norm(points[inner] - points[outer])
+        where |= ((x - cx) / (0.85 * r)) ** 2 + ((y - cy - 3) / (0.65 * r)) ** 2 < 1
+    (x0, y0), (x1, y1) = points[33], points[263]
+    line = y0 + (x - x0) * (y1 - y0) / (x1 - x0)
+    where |= (abs(y - line) < 2) & (x > x0) & (x < x1)
+    return _painted(image, where, np.array([0.01, 0.01, 0.012])), where
+
+
+def saturated(image: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """An exposure that saturates 2 % of the face."""
+    inside = image.max(axis=2) > 0.01
+    level = np.quantile(image[inside].max(axis=1), 0.98)
+    return np.minimum(image / level, 1), (image >= level).any(axis=2)
+
+
+def _painted(image: np.ndarray, where: np.ndarray, values: np.ndarray) -> np.ndarray:
+    out = image.copy()
+    out[where] = values
+    return out
+
+
+def reconstructed(image: np.ndarray, subject: Any) -> tuple[Capture, Reconstruction]:
+    """On the true mesh, so that only appearance is judged."""
+    photo = unlit.Photo.of(image.astype(np.float32))
+    capture = observe(photo, SIZE, camera=subject.camera)
+    head = Head(
+        subject.vertices,
+        subject.triangles,
+        np.zeros((1, 2), dtype=np.float32),
+        np.zeros((len(subject.triangles), 3), dtype=np.int32),
+        np.full(478, -1, dtype=np.int32),
+        np.zeros((478, 3), dtype=np.float32),
+    )
+    return capture, solve(capture, head, unlit.PRESETS["draft"])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("skin", ["light", "dark"])
+def test_the_rest_of_the_skin_keeps_its_albedo(shared: Path, skin: str) -> None:
+    """Within 1 dB of the clean photo's, away from what was spoilt."""
+    from ict import ict_subject
+
+    subject = ict_subject(shared, skin, seed=1, size=SIZE)
+    flash = subject.photograph(unlit.lights.flash(), samples=64)
+    image = flash * (0.8 / np.percentile(flash[subject.mask], 99))
+    capture, clean = reconstructed(image, subject)
+    true = subject.maps.diffuse_albedo
+    lost = {}
+    for spoil in (strip, sunglasses, saturated):
+        spoilt, where = spoil(image, capture.landmarks[:, :2])
+        _, face = reconstructed(spoilt, subject)
+        inside = subject.mask & (clean.mask > 0.5) & (face.mask > 0.5)
+        inside &= (capture.regions.eyes < 0.3) & ~ndimage.binary_dilation(where, iterations=4)
+        clean_db, spoilt_db = (
+            psnr(albedo * best_gain(albedo, true, inside), true, inside)
+            for albedo in (clean.diffuse_albedo, face.diffuse_albedo)
+        )
+        lost[spoil.__name__] = clean_db - spoilt_db
+    print(lost)
+    assert max(lost.values()) < 1.0, lost
