@@ -20,7 +20,7 @@ RENDERING = (
     "render",
     "scene",
     "color.py",
-    "evaluate/meshes.py",
+    "meshes.py",
     "pictures.py",
     "evaluate/scan.py",
     "evaluate/subject.py",

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import SubjectError
+from ..meshes import V_AXIS, Surface, read_mesh
 from ..pictures import read_picture
 from ..scene.brdf import ROUGHNESS
 from ..scene.camera import Camera
 from ..toml import read_toml
-from .meshes import V_AXIS, Surface, read_mesh
 from .scan import Part, Scan, frontal, seen_by
 
 FORMAT = 1

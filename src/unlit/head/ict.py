@@ -22,7 +22,7 @@ from scipy.spatial import KDTree
 from skimage.measure import points_in_poly
 
 from ..errors import ModelError, SubjectError
-from ..evaluate.meshes import Surface, read_mesh
+from ..meshes import Surface, read_mesh
 from .embedding import Embedding, embed_landmarks, eyebrow_vertices
 from .model import VERTEX_REGIONS, HeadModel, default_model
 from .prior import COMMON, procrustes

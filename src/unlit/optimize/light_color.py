@@ -65,10 +65,12 @@ def estimated_color(evidence: Evidence, settings: Settings) -> tuple[np.ndarray,
     low, high: one deviation about it; excess: squared deviations by which white is less likely;
     used: whether it was taken.
     """
+    short = replace(settings, stage1=replace(settings.stage1, iterations=_ITERATIONS))
     try:
-        found = slopes(*_shaded(evidence, settings))
+        problem = Problem(evidence, short, lambda *_: None)
     except ValueError:  # the head and the mask do not overlap: `solve` says so
-        found = None
+        return WHITE.copy(), {"used": False}
+    found = slopes(*_shaded(problem))
     if found is None:
         return WHITE.copy(), {"used": False}
     mired, deviation, excess = most_likely(found)
@@ -83,12 +85,9 @@ def estimated_color(evidence: Evidence, settings: Settings) -> tuple[np.ndarray,
     return (of_temperature(1e6 / mired) if told else WHITE.copy()), about
 
 
-def _shaded(
-    evidence: Evidence, settings: Settings
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _shaded(problem: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Photo (H, W, 3), E and S (H, W) after a short stage 1, and the plain skin (H, W) bool."""
-    short = replace(settings, stage1=replace(settings.stage1, iterations=_ITERATIONS))
-    problem = Problem(evidence, short, lambda *_: None)
+    evidence, short = problem.evidence, problem.settings
     cells = grid_cells(short.cell_rows, short.cell_columns)
     shading = Shading(problem, cells)
     estimate = exposed(problem, stage1(problem, start(problem), shading), shading)

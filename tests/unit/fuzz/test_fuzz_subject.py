@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from corrupt import damaged
 from unlit.errors import SubjectError
-from unlit.evaluate.meshes import read_mesh
 from unlit.evaluate.subject_file import files_of, read_subject
+from unlit.meshes import read_mesh
 
 FUZZ = settings.get_profile("fuzz")
 MAPS = """\

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import SubjectError
+from .errors import SubjectError
 
 _MAX_BYTES = 1 << 30
 _MAX_ELEMENTS = 20_000_000

@@ -7,7 +7,7 @@ import plates
 import pytest
 
 from unlit.errors import SubjectError
-from unlit.evaluate.meshes import read_mesh
+from unlit.meshes import read_mesh
 
 
 @pytest.mark.parametrize(
