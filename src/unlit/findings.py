@@ -77,8 +77,9 @@ def _impossible(share: float) -> str:
     if share < _CLIPPED_SHARE:
         return ""
     return (
-        f"Bright: the diffuse albedo of {share:.1%} of the face exceeds 1, which no skin does. The "
-        "known albedo or illuminance is too high or too low; files of 8 bits are clipped there."
+        f"Bright: the diffuse albedo of {share:.1%} of the face exceeds 1, which no skin does. "
+        "What --exposure or --light-color was told does not fit this photo; 8-bit files are "
+        "clipped."
     )
 
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from .errors import SettingsError
 
 #: Peak memory of the whole command: bytes, and bytes more for each pixel of the crop.
-_MEMORY, _MEMORY_PER_PIXEL = 0.9e9, 550.0
+_MEMORY, _MEMORY_PER_PIXEL = 0.86e9, 480.0
 #: Milliseconds of an iteration, and more for each million pixels of the crop, on two cores.
 _PACE = {
     "stage1": (7.0, 6.0),
@@ -56,19 +56,19 @@ def check_memory(limit: float, resolution: int) -> None:
     if memory(resolution) <= limit:
         return
     fitting = [side for side in (1536, 1024, 768, 512, 384, 256) if memory(side) <= limit]
-    least = f"the least is 256 pixels with {memory(256) / 1e9:.1f} GB"
-    remedy = f"use --resolution {fitting[0]}" if fitting else least
-    taken = f"{resolution} pixels take {memory(resolution) / 1e9:.1f} GB"
-    raise SettingsError(f"--memory {limit / 1e9:.1f} GB: {taken}; {remedy}")
+    least = f"no resolution takes less than the {memory(256) / 1e9:.2f} GB of 256 pixels"
+    remedy = f"use --resolution {fitting[0]}" if fitting else f"allow more: {least}"
+    taken = f"{resolution} pixels are taken to need {memory(resolution) / 1e9:.2f} GB"
+    raise SettingsError(f"--memory {limit / 1e6:.0f}MB: {taken}; {remedy}")
 
 
 def read_size(text: str) -> float:
-    """Bytes of "4GB", "900MB", "2GiB" or a plain number of bytes. Raises ValueError."""
+    """Bytes of "4GB", "900MB" or "2GiB". Raises ValueError, also without a unit."""
     number = text.strip().upper()
     for unit, factor in _UNITS.items():
         if number.endswith(unit):
             return _positive(float(number.removesuffix(unit)) * factor)
-    return _positive(float(number))
+    raise ValueError("no unit")
 
 
 def _positive(size: float) -> float:

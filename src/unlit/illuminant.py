@@ -28,6 +28,8 @@ _XYZ_TO_SRGB = np.array(
         [0.0556434, -0.2040259, 1.0572252],
     ]
 )
+#: Three numbers of which one is larger are no linear values, but those of a colour picker.
+_LINEAR = 16.0
 _WAYS = "white, auto, a temperature as 2700K, the grey card's pixel X,Y, R,G,B (linear) or #rrggbb"
 _NUMBER = r"\d+(?:\.\d+)?"
 # Side of the square that a grey card's pixel stands for, as a part of the photo's longer side.
@@ -54,9 +56,11 @@ def parse(text: str) -> Request:
         return Request()
     if re.fullmatch(r"#[0-9a-f]{6}", plain):
         return Request(normalised(decode_srgb(np.array([*bytes.fromhex(plain[1:])]) / 255), text))
-    if found := re.fullmatch(rf"({_NUMBER})k", plain):
+    if found := re.fullmatch(rf"({_NUMBER}) ?k", plain):
         if not LOWEST <= float(found[1]) <= HIGHEST:
-            raise SettingsError(f"light_color={text!r}: {LOWEST:.0f}K to {HIGHEST:.0f}K")
+            raise SettingsError(
+                f"light_color={text!r}: give a temperature from {LOWEST:.0f}K to {HIGHEST:.0f}K"
+            )
         return Request(of_temperature(float(found[1])))
     numbers = plain.split(",")
     if not all(re.fullmatch(_NUMBER, number.strip()) for number in numbers):
@@ -64,6 +68,12 @@ def parse(text: str) -> Request:
     if len(numbers) == 2:
         return Request(card=(float(numbers[0]), float(numbers[1])))
     if len(numbers) == 3:
+        if max(map(float, numbers)) > _LINEAR:
+            code = "#{:02x}{:02x}{:02x}".format(*(min(round(float(n)), 255) for n in numbers))
+            raise SettingsError(
+                f"light_color={text!r}: three numbers are linear; for 0 to 255 of a picture "
+                f"write '{code}'"
+            )
         return Request(normalised(np.array(numbers, dtype=np.float64), text))
     raise wrong
 

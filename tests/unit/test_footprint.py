@@ -7,15 +7,13 @@ from unlit.errors import SettingsError
 from unlit.footprint import check_memory, memory, read_size, seconds
 
 
-@pytest.mark.parametrize(
-    ("text", "size"), [("4GB", 4e9), (" 900 mb", 9e8), ("2GiB", 2**31), ("1e9", 1e9)]
-)
+@pytest.mark.parametrize(("text", "size"), [("4GB", 4e9), (" 900 mb", 9e8), ("2GiB", 2**31)])
 def test_sizes(text: str, size: float) -> None:
     """Decimal and binary units, and plain bytes."""
     assert read_size(text) == size
 
 
-@pytest.mark.parametrize("text", ["", "GB", "four", "-1GB", "0", "nan", "inf"])
+@pytest.mark.parametrize("text", ["", "GB", "four", "4", "1e9", "-1GB", "0", "nan", "inf"])
 def test_no_sizes(text: str) -> None:
     """Anything else is a ValueError, which argparse turns into one line."""
     with pytest.raises(ValueError, match=r".*"):
@@ -24,12 +22,13 @@ def test_no_sizes(text: str) -> None:
 
 def test_remedy_fits() -> None:
     """A limit that is too low is refused with a resolution that does fit, or with the least."""
+    check_memory(1e9, 512)
     check_memory(memory(2048), 2048)
     limit = memory(2048) - 1
     with pytest.raises(SettingsError, match=r"--memory .* 2048 pixels .*--resolution") as refused:
         check_memory(limit, 2048)
     check_memory(limit, int(str(refused.value).split()[-1]))
-    with pytest.raises(SettingsError, match="the least is 256 pixels"):
+    with pytest.raises(SettingsError, match="256 pixels"):
         check_memory(1e6, 512)
 
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ..errors import SettingsError
+from ..errors import OutputError, SettingsError
 from . import models
 from .parser import command
 from .settings import add_settings, settings_of
@@ -102,6 +102,7 @@ def reconstruct_into(
 
     settings = settings_of(options)
     from ..output import CHECKPOINT, RESULT_FILES, needed_bytes, reserve
+    from ..output.folder import MARK
 
     folder = Path(options.output)
     with reserve(folder, RESULT_FILES, needed_bytes(settings.resolution)) as preview:
@@ -113,6 +114,11 @@ def reconstruct_into(
 
         head = None if model is None else head_model(model)
         checkpoint = Checkpoint(folder / CHECKPOINT, resume)
+        if resume and not checkpoint.stage and (folder / MARK).exists():
+            raise OutputError(
+                f"{folder}: holds a finished result and nothing to resume; leave --resume out to "
+                "replace it"
+            )
         iterations = settings.iterations(checkpoint.stage)
         with RunConsole(iterations) as console:
             height, width = photo.pixels.shape[:2]

@@ -40,8 +40,8 @@ def add_settings(parser: argparse.ArgumentParser, preset: str, every_face: bool 
         "--light-color",
         metavar="COLOR",
         help="of the photo's light, which is taken for white: a grey card's pixel X,Y in the "
-        "photo; a temperature, as 2700K; R,G,B (linear) or '#rrggbb' of something white or grey "
-        "in that light; or auto, an estimate from the gloss of the skin",
+        "photo; a temperature, 1700K to 25000K; R,G,B (linear) or '#rrggbb' of something white or "
+        "grey in that light; or auto, an estimate from the gloss of the skin",
     )
     parser.add_argument(
         "--exposure",

@@ -30,7 +30,7 @@ def usda(atlas: Atlas, directx: bool = False) -> bytes:
     try:
         from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
     except ImportError:
-        raise OutputError("usd: needs a further package; run `pip install unlit[usd]`") from None
+        raise OutputError("usd: needs a further package; run `pip install 'unlit[usd]'`") from None
 
     mesh = atlas.mesh
     stage = Usd.Stage.CreateInMemory()

@@ -11,6 +11,7 @@ from PIL import Image
 import unlit
 from unlit import cli
 from unlit.output import CHECKPOINT
+from unlit.output.folder import MARK, MARK_TEXT
 
 
 @pytest.fixture
@@ -67,6 +68,14 @@ def test_ways_to_write_resume(photo, calls, tmp_path, capsys, arguments):
     assert options["checkpoint"].path == folder / CHECKPOINT
     assert options["settings"].resolution == 512
     assert "nothing to resume" in capsys.readouterr().err
+
+
+def test_a_finished_result_is_not_resumed(photo, calls, tmp_path, capsys):
+    """Resuming what is finished would begin anew, and replace it, may be with another photo's."""
+    (tmp_path / MARK).write_text(MARK_TEXT)
+    assert cli.main(["reconstruct", photo, "-o", str(tmp_path), "--resume"]) == 1
+    assert "holds a finished result" in capsys.readouterr().err
+    assert not calls
 
 
 def test_without_resume_nothing_is_read(photo, calls, tmp_path):
