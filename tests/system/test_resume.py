@@ -73,7 +73,7 @@ def test_killed_at_twenty_random_moments(tmp_path: Path) -> None:
         process.wait()
         run(*command(photo, folder, "--resume"))
         log = (folder / "reconstruction.log").read_text()
-        print("killed;", next(line for line in log.splitlines() if line.startswith("resume")))
+        print("killed;", next((x for x in log.splitlines() if x.startswith("resume")), "finished"))
         assert (folder / "reconstruction.npz").read_bytes() == expected
         assert not state.exists()
         shutil.rmtree(folder)

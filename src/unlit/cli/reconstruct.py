@@ -115,10 +115,9 @@ def reconstruct_into(
         head = None if model is None else head_model(model)
         checkpoint = Checkpoint(folder / CHECKPOINT, resume)
         if resume and not checkpoint.stage and (folder / MARK).exists():
-            raise OutputError(
-                f"{folder}: holds a finished result and nothing to resume; leave --resume out to "
-                "replace it"
-            )
+            _check_finished(folder, photo, settings)
+            print(folder / "montage.png")
+            return 0
         iterations = settings.iterations(checkpoint.stage)
         with RunConsole(iterations) as console:
             height, width = photo.pixels.shape[:2]
@@ -147,6 +146,19 @@ def reconstruct_into(
             _save(console, result, folder, states)
     print(folder / "montage.png")
     return 0
+
+
+def _check_finished(folder: Path, photo: Any, settings: Any) -> None:
+    """Raise OutputError if the result in `folder` is not what is asked for: it is not replaced."""
+    from ..optimize.schedule import as_dict
+    from ..output import load
+
+    found = load(folder)
+    if (found.photo_name, found.settings) != (Path(photo.source).name, as_dict(settings)):
+        raise OutputError(
+            f"{folder}: holds a finished result of {found.photo_name} and nothing to resume; leave "
+            "--resume out to replace it"
+        )
 
 
 def _continue(options: argparse.Namespace) -> int:

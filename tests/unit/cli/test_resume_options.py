@@ -10,6 +10,7 @@ from PIL import Image
 
 import unlit
 from unlit import cli
+from unlit.optimize.schedule import PRESETS, as_dict
 from unlit.output import CHECKPOINT
 from unlit.output.folder import MARK, MARK_TEXT
 
@@ -70,11 +71,21 @@ def test_ways_to_write_resume(photo, calls, tmp_path, capsys, arguments):
     assert "nothing to resume" in capsys.readouterr().err
 
 
-def test_a_finished_result_is_not_resumed(photo, calls, tmp_path, capsys):
-    """Resuming what is finished would begin anew, and replace it, may be with another photo's."""
+def test_a_finished_result_is_neither_resumed_nor_replaced(
+    photo, calls, tmp_path, capsys, monkeypatch
+):
+    """Finished is finished; a result of another photo, or done otherwise, is refused."""
     (tmp_path / MARK).write_text(MARK_TEXT)
-    assert cli.main(["reconstruct", photo, "-o", str(tmp_path), "--resume"]) == 1
-    assert "holds a finished result" in capsys.readouterr().err
+    same = types.SimpleNamespace(photo_name="a.png", settings=as_dict(PRESETS["paper"]))
+    arguments = ["reconstruct", photo, "-o", str(tmp_path), "--resume"]
+    monkeypatch.setattr("unlit.output.load", lambda _: same)
+    assert cli.main(arguments) == 0
+    assert "montage.png" in capsys.readouterr().out
+    assert cli.main([*arguments, "--preset", "draft"]) == 1
+    assert "holds a finished result of a.png" in capsys.readouterr().err
+    same.photo_name = "b.png"
+    assert cli.main(arguments) == 1
+    assert "holds a finished result of b.png" in capsys.readouterr().err
     assert not calls
 
 
