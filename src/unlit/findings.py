@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from . import illuminant
 from .color import encode_srgb
 from .optimize.losses import EXPOSED
 from .optimize.schedule import Settings
@@ -38,6 +39,7 @@ def findings(r: Reconstruction) -> list[str]:
         _small(r, inside),
         _misfit(r.metrics.get("landmark_residual")),
         _light_color(r.metrics.get("light_color")),
+        _card(r),
     ]
     return [sentence for sentence in found if sentence]
 
@@ -109,6 +111,20 @@ def _misfit(residual: Any) -> str:
     return (
         f"Large landmark residual: the fitted head misses the landmarks by {residual:.1%} of the "
         "eye distance on average. Look at the mesh; normals and light may be wrong."
+    )
+
+
+def _card(r: Reconstruction) -> str:
+    card = illuminant.parse(str(r.settings.get("light_color", "white"))).card
+    if card is None:
+        return ""
+    column, row = np.floor(r.crop.points(card)).astype(int)
+    height, width = r.mask.shape
+    if not (0 <= row < height and 0 <= column < width and r.mask[row, column] > 0):
+        return ""
+    return (
+        f"Grey card: the photo's pixel {card[0]:g},{card[1]:g} lies on the face, and skin is not "
+        "grey. The albedo's colour is wrong unless a card is held there."
     )
 
 

@@ -76,3 +76,12 @@ def test_the_residual_of_the_landmarks(face, residual, count):
 def test_nothing_measured_does_not_fail(face):
     (sentence,) = findings(replace(face, mask=np.zeros_like(face.mask)))
     assert "No pixel" in sentence
+
+
+def test_skin_is_no_grey_card(face):
+    """A card's pixel on the face is warned of, one beside it is not."""
+    row, column = np.argwhere(face.mask > 0.5).mean(axis=0).astype(int)
+    x, y = face.crop.inverse_points((column + 0.5, row + 0.5))
+    (sentence,) = findings(replace(face, settings=face.settings | {"light_color": f"{x},{y}"}))
+    assert sentence.startswith("Grey card")
+    assert findings(replace(face, settings=face.settings | {"light_color": "0,0"})) == []
