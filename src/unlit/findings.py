@@ -29,7 +29,8 @@ def findings(r: Reconstruction) -> list[str]:
     # As in the stages: the best-lit skin has E = 1, and the light no colour.
     albedo = r.diffuse_albedo / np.float32(r.gain)
     shading = r.diffuse_shading * np.float32(r.gain) / r.light.color
-    bound = r.settings.get("max_diffuse", Settings.max_diffuse)
+    bound = r.settings.get("max_diffuse")
+    bound = bound if isinstance(bound, float) else Settings.max_diffuse
     found = [
         _shadowed(_share(shading[inside].mean(axis=1) < _SHADOW)),
         _saturated(_share((photo >= EXPOSED[1]).any(axis=1))),
