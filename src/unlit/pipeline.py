@@ -21,7 +21,7 @@ from .errors import FaceError
 from .findings import findings
 from .fingerprint import key
 from .head.fit import LandmarkProblem
-from .head.model import HeadModel, default_model
+from .head.model import LANDMARKS, HeadModel, default_model
 from .illuminant import WHITE
 from .mask import painted, read_mask
 from .optimize.checkpoint import Checkpoint
@@ -99,6 +99,18 @@ class Head:
     landmarks: np.ndarray | None = None
     landmark_residual: float | None = None
     model: str | None = None
+
+    @staticmethod
+    def of_mesh(vertices: np.ndarray, triangles: np.ndarray) -> Head:
+        """A bare mesh (V, 3), (F, 3), as where the true one is known: no layout, no landmarks."""
+        return Head(
+            vertices.astype(np.float32),
+            triangles.astype(np.int32),
+            np.zeros((1, 2), dtype=np.float32),
+            np.zeros((len(triangles), 3), dtype=np.int32),
+            np.full(LANDMARKS, -1, dtype=np.int32),
+            np.zeros((LANDMARKS, 3), dtype=np.float32),
+        )
 
 
 def reconstruct(
@@ -368,8 +380,7 @@ def _result(
             estimate = _pinned(problem, shading, estimate, gain, e_image)
             maps = problem.maps(estimate)
             e_image, s_image = _shade(problem, shading, estimate)
-        if not (capture.light_color == 1).all():
-            e_image, s_image = e_image * capture.light_color, s_image * capture.light_color
+        e_image, s_image = e_image * capture.light_color, s_image * capture.light_color
         render = maps.diffuse_albedo * e_image + maps.specular_albedo[..., None] * s_image
     mask = np.zeros(shape, dtype=np.float32)
     mask.ravel()[problem.pixel] = capture.regions.face.ravel()[problem.pixel]

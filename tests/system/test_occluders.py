@@ -71,14 +71,7 @@ def reconstructed(image: np.ndarray, subject: Any) -> tuple[Capture, Reconstruct
     """On the true mesh, so that only appearance is judged."""
     photo = unlit.Photo.of(image.astype(np.float32))
     capture = observe(photo, SIZE, camera=subject.camera)
-    head = Head(
-        subject.vertices,
-        subject.triangles,
-        np.zeros((1, 2), dtype=np.float32),
-        np.zeros((len(subject.triangles), 3), dtype=np.int32),
-        np.full(478, -1, dtype=np.int32),
-        np.zeros((478, 3), dtype=np.float32),
-    )
+    head = Head.of_mesh(subject.vertices, subject.triangles)
     return capture, solve(capture, head, unlit.PRESETS["draft"])
 
 

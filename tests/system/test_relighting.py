@@ -35,15 +35,7 @@ def test_flash_to_uniform(shared: Path, skin: str, true_mesh: bool, bar: float) 
     settings = unlit.PRESETS["draft"]
     capture = observe(photo, 256, camera=subject.camera)
     if true_mesh:
-        nothing = np.zeros((len(subject.triangles), 3), dtype=np.int32)
-        head = Head(
-            subject.vertices,
-            subject.triangles,
-            np.zeros((1, 2), dtype=np.float32),
-            nothing,
-            np.full(478, -1, dtype=np.int32),
-            np.zeros((478, 3), dtype=np.float32),
-        )
+        head = Head.of_mesh(subject.vertices, subject.triangles)
     else:
         head = fitted_head(capture, default_model())
     face = solve(capture, head, settings)

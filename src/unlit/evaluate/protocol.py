@@ -202,20 +202,13 @@ class Study:
         source = Photo.of(photo, name)
         with self.running(name) as progress:
             capture = observe(source, settings.resolution, "largest", camera=self.subject.camera)
-            head = self._own_head() if self.true_mesh else fitted_head(capture, default_model())
+            head = (
+                Head.of_mesh(*self.subject.mesh())
+                if self.true_mesh
+                else fitted_head(capture, default_model())
+            )
             capture = with_light_color(capture, head, source, settings)
             return solve(capture, head, settings, progress)
-
-    def _own_head(self) -> Head:
-        vertices, triangles = self.subject.mesh()
-        return Head(
-            vertices.astype(np.float32),
-            triangles.astype(np.int32),
-            np.zeros((1, 2), dtype=np.float32),
-            np.zeros((len(triangles), 3), dtype=np.int32),
-            np.full(478, -1, dtype=np.int32),
-            np.zeros((478, 3), dtype=np.float32),
-        )
 
     def _relight(self, face: Reconstruction, environment: np.ndarray) -> np.ndarray:
         return traced(face, environment, self.samples, 2 * self.seed + _RELIT)

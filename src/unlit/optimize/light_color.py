@@ -92,7 +92,7 @@ def _shaded(problem: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nd
     shading = Shading(problem, cells)
     estimate = exposed(problem, stage1(problem, start(problem), shading), shading)
     light = estimate.light()
-    shading = Shading(problem, refine(cells, light.rasterize(), limit=short.max_cells))
+    shading = shading.under(refine(cells, light.rasterize(), limit=short.max_cells))
     radiance = CellRadiance(shading.cells).of(light)
     shading.update(radiance, problem.maps(estimate))
     e, s = (problem.image(part, "zero").mean(axis=2) for part in shading.shade(radiance))
