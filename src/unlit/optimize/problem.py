@@ -11,7 +11,7 @@ import numpy as np
 
 from .._runtime import mitsuba
 from ..color import encode_srgb
-from ..render.bounce import Bounce
+from ..render.bounce import Bounce, Gloss
 from ..render.transport import Directions, Points, Transport, shade, visibility
 from ..scene.arrays import device
 from ..scene.camera import Camera
@@ -201,7 +201,8 @@ class Problem:
 class Shading:
     """Everything that depends on the geometry and the quadrature: visibility, indirect light.
 
-    `indirect` (E, S: mi.Color3f of width P) is held constant between two calls of `update`.
+    `indirect` (E, S: mi.Color3f of width P) is held constant between two calls of `update`. gloss:
+    what inter-reflection carries of the highlights; None has it computed for the next light.
     """
 
     def __init__(self, problem: Problem, cells: Cells, factors: Bounce | None = None) -> None:
@@ -212,6 +213,7 @@ class Shading:
         self.factors = factors or self._factors()
         self.bounce = self.factors.under(self.directions)
         self.indirect: tuple[Any, Any] = (mi.Color3f(0), mi.Color3f(0))
+        self.gloss: Gloss | None = None
 
     def _factors(self) -> Bounce:
         problem = self.problem
@@ -225,7 +227,11 @@ class Shading:
 
     def update(self, radiance: np.ndarray, maps: Maps) -> None:
         """Bring the indirect light up to date with the light's cell means (D,) and the maps."""
-        e, s = self.bounce.shade(radiance, maps)
+        change = self.problem.settings.gloss_change
+        flux = self.directions.flux(radiance)
+        if self.gloss is None or self.gloss.change(flux) > change:
+            self.gloss = self.bounce.gloss(radiance)
+        e, s = self.bounce.shade(radiance, maps, self.gloss)
         self.indirect = (device(mi.Color3f, e), device(mi.Color3f, s))
 
     def shade(self, radiance: np.ndarray) -> tuple[Any, Any]:

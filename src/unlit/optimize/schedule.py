@@ -122,6 +122,9 @@ class Settings:
     #: Iterations between two updates of what is held constant in between: the shading that the
     #: maps see, its linearisation in the normals, the indirect light.
     refresh_interval: int = 50
+    #: Share of the light that may come from elsewhere before the highlights that inter-reflection
+    #: carries are computed anew.
+    gloss_change: float = 0.1
     #: Largest vertex motion (cm) before visibility is traced anew in stage 3.
     retrace_distance: float = 0.05
 

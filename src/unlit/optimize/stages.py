@@ -464,8 +464,9 @@ def run_stages(
     """The schedule, or what `begin` leaves of it; the problem's mesh is where `begin` has it.
 
     `after` is called with (stage name, estimate, shading) at the end of each stage. What one
-    stage hands to the next goes through NumPy arrays, also when none of it is saved: so a run
-    that is resumed from a file cannot differ from one that was never interrupted.
+    stage hands to the next goes through NumPy arrays, also when none of it is saved, and nothing is
+    kept of a light that has been left: so a run that is resumed from a file cannot differ from one
+    that was never interrupted.
     """
     settings = problem.settings
     begin = begin or Begin(0, start(problem))
@@ -474,6 +475,7 @@ def run_stages(
 
     def ended(name: str, estimate: Estimate, shading: Shading) -> Estimate:
         estimate = Estimate.of(estimate.arrays())
+        shading.gloss = None
         after(name, estimate, shading)
         return estimate
 

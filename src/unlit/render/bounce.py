@@ -1,16 +1,17 @@
 """Inter-reflection: light that reaches the face by way of the face.
 
-The rays that self-shadowing blocks end on other parts of the face, whose outgoing radiance
-towards the ray is taken as (rho_d + rho_s R(theta)) E, with R the reflectance of the specular lobe
-under a uniform light: diffuse reflection is exact, the lobe is right on average over the light.
-(Leaving R out loses a sixth of the indirect light: most of it travels at grazing angles, across
-creases.) Gathered at the mesh's vertices this is a sparse linear system, with form factors as in
-radiosity (Goral et al. 1984),
+The rays that self-shadowing blocks end on other parts of the face. What leaves there towards the
+ray is rho_d E + rho_s S of the light, S being the specular lobe towards the ray, and of the light
+that has bounced already (rho_d + rho_s R) E_i, with R the reflectance of the lobe under a uniform
+light: right on average, for light that comes from the face all around. Gathered at the mesh's
+vertices this is a sparse linear system, with form factors as in radiosity (Goral et al. 1984),
 
-    E_i = G[(rho_d + rho_s R)(E + E_i)],        S_i = H[(rho_d + rho_s R)(E + E_i)],
+    E_i = G[rho_d (E + E_i) + rho_s (S + R E_i)],   S_i = H[rho_d (E + E_i) + rho_s (S + R E_i)],
 
 solved by a few substitutions, then interpolated to the pixels: indirect light is smooth. G holds
-the cosine-weighted and H the specular-lobe-weighted form factors towards the camera.
+the cosine-weighted and H the specular-lobe-weighted form factors towards the camera. The lobe S of
+every ray, `Gloss`, costs as much as the rest together, so it may be kept while the light changes
+little.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from ..scene.brdf import reflectance_table, specular
 from ..scene.camera import Camera
 from ..scene.maps import Maps
 from ..scene.mesh import Hits, Mesh, surface_weights
-from .transport import Directions, Points, shade, visibility
+from .transport import Directions, Points, lobe_towards, shade, visibility
 from .visibility import OFFSET
 
 mi = mitsuba()
@@ -51,15 +52,34 @@ def sample_map(image: np.ndarray, camera: Camera, points: np.ndarray) -> np.ndar
 
 
 @dataclass(frozen=True)
+class Paths:
+    """The N rays from vertices that end on the face, for the gloss of where they end.
+
+    receiver: (N,) vertex the ray starts from; emitter: (N,) vertex nearest to its end. towards:
+    mi.Vector3f, unit, from the end back to the receiver; normal: mi.Vector3f, unit, and roughness:
+    mi.Float, at the end. to_e, to_s: (N,) shares of the outgoing radiance in the receiver's E, S.
+    """
+
+    receiver: np.ndarray
+    emitter: np.ndarray
+    towards: Any
+    normal: Any
+    roughness: Any
+    to_e: np.ndarray
+    to_s: np.ndarray
+
+
+@dataclass(frozen=True)
 class FormFactors:
     """Sparse form factors (V, 2V) from the vertices' outgoing radiance to E and S at V vertices.
 
     The first V columns take the diffuse part rho_d E, the others the specular part rho_s E, whose
-    factors include the reflectance R towards the receiver.
+    factors include the reflectance R towards the receiver. paths: None on a convex mesh.
     """
 
     diffuse: sparse.csr_matrix
     specular: sparse.csr_matrix
+    paths: Paths | None
 
 
 @functools.cache
@@ -103,7 +123,7 @@ def form_factors(mesh: Mesh, points: Points, seen: np.ndarray, count: int = 256)
     kept = dr.compress(hit.is_valid())
     if not dr.width(kept):  # a convex mesh
         empty = sparse.csr_matrix((vertices, 2 * vertices), dtype=np.float32)
-        return FormFactors(empty, empty)
+        return FormFactors(empty, empty, None)
     triangle = dr.gather(mi.UInt32, hit.prim_index, kept)
     uv = dr.gather(mi.Point2f, hit.prim_uv, kept)
     point = dr.gather(mi.UInt32, receiver, kept)
@@ -111,7 +131,8 @@ def form_factors(mesh: Mesh, points: Points, seen: np.ndarray, count: int = 256)
     corner = dr.gather(mi.Vector3u, mesh.triangles, triangle)
     shares = (1 - uv.x - uv.y, uv.x, uv.y)
     normal = sum(dr.gather(mi.Vector3f, mesh.normals, corner[i]) * shares[i] for i in range(3))
-    leaving = -dr.dot(dr.normalize(normal), towards)
+    normal = dr.normalize(normal)
+    leaving = -dr.dot(normal, towards)
     alpha = dr.gather(mi.Float, points.roughness, point)
     viewer = dr.gather(mi.Vector3f, points.to_viewer, point)
     solid_angle = dr.select(leaving > 0, 4 * np.pi / count, 0)
@@ -130,7 +151,42 @@ def form_factors(mesh: Mesh, points: Points, seen: np.ndarray, count: int = 256)
         shape = (vertices, 2 * vertices)
         return sparse.csr_matrix((np.concatenate(parts), (row, columns)), shape=shape)
 
-    return FormFactors(matrix(to_e), matrix(to_s))
+    largest = np.argmax([share.numpy() for share in shares], axis=0)
+    nearest = corner.numpy()[largest, np.arange(len(largest))]
+    away = -towards
+    dr.eval(away, normal, hit_alpha)
+    paths = Paths(point.numpy(), nearest, away, normal, hit_alpha, to_e.numpy(), to_s.numpy())
+    return FormFactors(matrix(to_e), matrix(to_s), paths)
+
+
+@dataclass(frozen=True)
+class Gloss:
+    """What the rays bring of the highlights that one light makes on the face.
+
+    diffuse, specular: sparse (V, V), one for each channel of the light: from the vertices' specular
+    albedo to E and S at the vertices; none where no ray ends on the face. flux: (D,) or (D, 3),
+    radiance times solid angle of the light it holds for.
+    """
+
+    diffuse: list[sparse.csr_matrix]
+    specular: list[sparse.csr_matrix]
+    flux: np.ndarray
+
+    def change(self, flux: np.ndarray) -> float:
+        """Share of the light, 0 to 1, that comes from elsewhere in `flux` of the same cells."""
+        before, now = (f / max(float(f.sum()), 1e-20) for f in (self.flux, flux))
+        return float(np.abs(now - before).sum() / 2)
+
+    def under(self, flux: np.ndarray, rho_s: np.ndarray) -> tuple[Any, Any]:
+        """Its share (V, 1) or (V, 3) of E and S, or 0, as of a light as strong as `flux`.
+
+        rho_s: (V, 1) specular albedo of the vertices.
+        """
+        if not self.diffuse:
+            return 0.0, 0.0
+        gain = float(flux.sum()) / max(float(self.flux.sum()), 1e-20)
+        e, s = (np.hstack([m @ rho_s for m in lobe]) for lobe in (self.diffuse, self.specular))
+        return gain * e, gain * s
 
 
 class Bounce:
@@ -188,10 +244,37 @@ class BounceUnder:
     directions: Directions
     bits: Any
 
-    def shade(self, radiance: np.ndarray, maps: Maps) -> tuple[np.ndarray, np.ndarray]:
+    def gloss(self, radiance: np.ndarray) -> Gloss:
+        """The light's highlights as the face sees them on itself; radiance: (D,) or (D, 3)."""
+        bounce, flux = self.bounce, self.directions.flux(radiance)
+        paths = bounce.factors.paths if bounce.bounces else None
+        if paths is None:
+            return Gloss([], [], flux)
+        vertices, emitters = len(bounce.world), bounce.lit
+        row = np.zeros(vertices, dtype=np.uint32)
+        row[emitters] = np.arange(len(emitters))
+        lobe = lobe_towards(
+            paths.towards,
+            paths.normal,
+            paths.roughness,
+            self.directions,
+            (self.bits, len(emitters), device(mi.UInt32, row[paths.emitter])),
+            radiance,
+        )
+        channels = lobe.numpy().reshape(-1, len(paths.emitter))
+        index, shape = (paths.receiver, paths.emitter), (vertices, vertices)
+        e, s = (
+            [sparse.csr_matrix((share * channel, index), shape=shape) for channel in channels]
+            for share in (paths.to_e, paths.to_s)
+        )
+        return Gloss(e, s, flux)
+
+    def shade(
+        self, radiance: np.ndarray, maps: Maps, gloss: Gloss | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Indirect E and S, (P, 3) float32 each, to be added to the direct shading.
 
-        radiance: (D,) or (D, 3) cell means.
+        radiance: (D,) or (D, 3) cell means. gloss: of a light much like it; made anew by default.
         """
         bounce = self.bounce
         if not bounce.bounces:
@@ -203,14 +286,16 @@ class BounceUnder:
         light[bounce.lit] = rows
         rho_d = sample_map(maps.diffuse_albedo, bounce.camera, bounce.world)
         rho_s = sample_map(maps.specular_albedo, bounce.camera, bounce.world)[:, None]
+        gloss = gloss or self.gloss(radiance)
+        gloss_e, gloss_s = gloss.under(self.directions.flux(radiance), rho_s)
         indirect = np.zeros_like(rho_d)
 
         def outgoing() -> np.ndarray:
-            total = light + indirect
-            return np.concatenate([rho_d * total, np.broadcast_to(rho_s * total, rho_d.shape)])
+            return np.concatenate([rho_d * (light + indirect), rho_s * indirect])
 
         factors = bounce.factors
         for _ in range(bounce.bounces - 1):
-            indirect = factors.diffuse @ outgoing()
-        e, s = (bounce.to_pixels @ (m @ outgoing()) for m in (factors.diffuse, factors.specular))
+            indirect = factors.diffuse @ outgoing() + gloss_e
+        e = bounce.to_pixels @ (factors.diffuse @ outgoing() + gloss_e)
+        s = bounce.to_pixels @ (factors.specular @ outgoing() + gloss_s)
         return e.astype(np.float32), s.astype(np.float32)

@@ -78,6 +78,11 @@ class Directions:
         table[:, 4:7] = cells.moment / np.pi
         self.table = device(mi.Float, table.ravel())
         self.count = len(cells)
+        self.solid_angle = cells.solid_angle
+
+    def flux(self, radiance: np.ndarray) -> np.ndarray:
+        """Radiance (D,) or (D, 3) times solid angle."""
+        return (radiance.T * self.solid_angle).T
 
     def __len__(self) -> int:
         return self.count
@@ -148,6 +153,38 @@ def shade(
     state = (none, mi.UInt32(none), zero, colour(zero))
     _, _, e, s = dr.while_loop(state, lambda d, *_: d < count, body, labels=("d", "bits", "E", "S"))
     return e, s
+
+
+def lobe_towards(
+    viewer: Any,
+    normal: Any,
+    roughness: Any,
+    directions: Directions,
+    seen: tuple[Any, int, Any],
+    radiance: np.ndarray,
+) -> Any:
+    """S of N points as seen along `viewer`, not from the camera, under (D,) or (D, 3) `radiance`.
+
+    viewer, normal: mi.Vector3f, unit; roughness: mi.Float. seen: visibility bits, of how many
+    points, and which of them stands for each of the N (mi.UInt32). Returns as `shade` does.
+    """
+    bits, points, point = seen
+    colour = mi.Color3f if np.ndim(radiance) == 2 else mi.Float
+    light = device(colour, radiance)
+    count, width = dr.opaque(mi.UInt32, len(directions)), dr.opaque(mi.UInt32, points)
+
+    def lit(d: Any, s: Any) -> tuple[Any, ...]:
+        towards, _, solid_angle = directions.gather(d)
+        lobe = specular(normal, towards, viewer, roughness) * solid_angle
+        return (s + dr.gather(colour, light, d) * lobe,)
+
+    def body(d: Any, word: Any, s: Any) -> tuple[Any, ...]:
+        seen, word = _seen(bits, width, point, d, word)
+        return d + 1, word, *_where(seen, lit, d, s)
+
+    none = dr.zeros(mi.UInt32, dr.width(point))
+    state = (none, mi.UInt32(none), dr.zeros(colour, dr.width(point)))
+    return dr.while_loop(state, lambda d, *_: d < count, body, labels=("d", "bits", "S"))[2]
 
 
 @dataclass(frozen=True)
