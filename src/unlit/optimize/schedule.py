@@ -89,7 +89,7 @@ class Settings:
     nominal_specular: float = 1.0
     #: Cost of gloss that departs from it, |rho_s - nominal| S: under an even light a veil of gloss
     #: can hardly be told from paler albedo. Weak, so that highlights decide where there are any.
-    specular_cost: float = 0.1
+    specular_cost: float = 0.2
     #: Upper bound of the specular albedo, far above any skin's: dark skin in a bright exposure has
     #: a high one, since albedo is relative to the best-lit skin.
     max_specular: float = 20.0
