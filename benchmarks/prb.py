@@ -23,10 +23,11 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 import drjit as dr
 
 from unlit._runtime import mitsuba
-from unlit.evaluate.metrics import best_gain, compare, psnr
+from unlit.evaluate.metrics import best_gain, compare
 from unlit.evaluate.protocol import Known, Row, Shot
 from unlit.optimize.losses import encode
 from unlit.optimize.schedule import TABLE_1
+from unlit.psnr import psnr
 from unlit.reconstruction import Reconstruction
 from unlit.render.reference import mesh_body, mitsuba_environment
 from unlit.scene.arrays import device

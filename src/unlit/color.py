@@ -44,6 +44,11 @@ def decode_srgb(encoded: Any) -> np.ndarray:
     )
 
 
+def is_white(color: np.ndarray) -> bool:
+    """Whether a light of this colour (3,) leaves what it lights as it is."""
+    return bool((color == 1).all())
+
+
 def luminance(rgb: Any) -> np.ndarray:
     """Relative luminance (...), float32, of linear sRGB colours (..., 3)."""
     return np.asarray(rgb, dtype=np.float32) @ np.asarray(LUMINANCE_WEIGHTS, dtype=np.float32)

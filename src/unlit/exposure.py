@@ -15,10 +15,9 @@ import numpy as np
 
 from .color import luminance
 from .errors import SettingsError
+from .illuminant import AUTO, NUMBER
 from .photo import Crop
 
-AUTO = "auto"
-_NUMBER = r"\d+(?:\.\d+)?"
 # Radius of a patch, as a part of the crop's width.
 _PATCH = 0.01
 
@@ -40,11 +39,11 @@ def parse(text: str) -> Known:
     if plain == AUTO:
         return Known()
     known = None
-    if found := re.fullmatch(rf"({_NUMBER})lux", plain):
+    if found := re.fullmatch(rf"({NUMBER})lux", plain):
         known = Known(lux=float(found[1]))
-    elif found := re.fullmatch(rf"skin=({_NUMBER})", plain):
+    elif found := re.fullmatch(rf"skin=({NUMBER})", plain):
         known = Known(float(found[1]))
-    elif found := re.fullmatch(rf"({_NUMBER}),({_NUMBER})=({_NUMBER})", plain):
+    elif found := re.fullmatch(rf"({NUMBER}),({NUMBER})=({NUMBER})", plain):
         known = Known(float(found[3]), (float(found[1]), float(found[2])))
     if known is None or not (known.lux or 0 < (known.albedo or 0) <= 1):
         raise SettingsError(

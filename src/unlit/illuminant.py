@@ -10,12 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .color import decode_srgb, encode_srgb
+from .color import decode_srgb, encode_srgb, is_white
 from .errors import SettingsError
 from .photo import Photo
 
 WHITE = np.ones(3, dtype=np.float32)
 AUTO = "auto"
+#: A number as people write it in an option.
+NUMBER = r"\d+(?:\.\d+)?"
 #: Temperatures that have a colour here, kelvin.
 LOWEST, HIGHEST = 1700.0, 25000.0
 #: Least channel of a light's colour: a photo holds nothing of a channel without light.
@@ -31,7 +33,6 @@ _XYZ_TO_SRGB = np.array(
 #: Three numbers of which one is larger are no linear values, but those of a colour picker.
 _LINEAR = 16.0
 _WAYS = "white, auto, a temperature as 2700K, the grey card's pixel X,Y, R,G,B (linear) or #rrggbb"
-_NUMBER = r"\d+(?:\.\d+)?"
 # Side of the square that a grey card's pixel stands for, as a part of the photo's longer side.
 _CARD = 0.01
 #: Encoded values between which a card's colour can be read.
@@ -56,14 +57,14 @@ def parse(text: str) -> Request:
         return Request()
     if re.fullmatch(r"#[0-9a-f]{6}", plain):
         return Request(normalised(decode_srgb(np.array([*bytes.fromhex(plain[1:])]) / 255), text))
-    if found := re.fullmatch(rf"({_NUMBER}) ?k", plain):
+    if found := re.fullmatch(rf"({NUMBER}) ?k", plain):
         if not LOWEST <= float(found[1]) <= HIGHEST:
             raise SettingsError(
                 f"light_color={text!r}: give a temperature from {LOWEST:.0f}K to {HIGHEST:.0f}K"
             )
         return Request(of_temperature(float(found[1])))
     numbers = plain.split(",")
-    if not all(re.fullmatch(_NUMBER, number.strip()) for number in numbers):
+    if not all(re.fullmatch(NUMBER, number.strip()) for number in numbers):
         raise wrong
     if len(numbers) == 2:
         return Request(card=(float(numbers[0]), float(numbers[1])))
@@ -115,7 +116,7 @@ def fitting(color: np.ndarray, face: np.ndarray) -> np.ndarray:
     the file has saturated, but under a bluish light it would be so for good red values, too.
     face: (N, 3) linear. White stays white.
     """
-    if (color == 1).all() or not face.size:
+    if is_white(color) or not face.size:
         return color
     brightest = float(np.percentile((face / color).max(axis=1), 99))
     return (color * max(brightest, 1.0)).astype(np.float32)

@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from . import exposure, illuminant
 from ._runtime import mitsuba
+from .color import is_white
 from .errors import FaceError
 from .findings import findings
 from .fingerprint import key
@@ -78,7 +79,7 @@ class Capture:
     @property
     def balanced(self) -> np.ndarray:
         """The image as it would be under white light."""
-        return self.image if (self.light_color == 1).all() else self.image / self.light_color
+        return self.image if is_white(self.light_color) else self.image / self.light_color
 
 
 @dataclass(frozen=True)
@@ -149,6 +150,7 @@ def reconstruct(
     clock.lap("photo")
     progress("perception", 0, 1, 0.0)
     capture = observe(loaded, settings.resolution, face, mask=kept)
+    _check_known(capture, loaded, settings)
     clock.lap("perception")
     progress("fit", 0, 1, 0.0)
     head = fitted_head(capture, model or default_model())
@@ -190,6 +192,16 @@ def observe(
         regions = painted(regions, regions.face * crop.image(mask))
     name = Path(photo.source).name
     return Capture(name, image, camera, crop, regions, landmarks, unit=photo.unit)
+
+
+def _check_known(capture: Capture, photo: Photo, settings: Settings) -> None:
+    """Raise SettingsError, before the long work, for what the photo cannot tell as it was told."""
+    card = illuminant.parse(settings.light_color).card
+    if card is not None:
+        illuminant.of_card(photo, card)
+    known = exposure.parse(settings.exposure)
+    exposure.check_unit(known, photo.unit)
+    exposure.patch(known, capture.crop, capture.regions.face > 0.5, capture.regions.skin)
 
 
 def fitted_head(capture: Capture, model: HeadModel) -> Head:

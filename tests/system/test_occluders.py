@@ -13,8 +13,9 @@ import pytest
 from scipy import ndimage
 
 import unlit
-from unlit.evaluate.metrics import best_gain, psnr
+from unlit.evaluate.metrics import best_gain
 from unlit.pipeline import Capture, Head, observe, solve
+from unlit.psnr import psnr
 from unlit.reconstruction import Reconstruction
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))

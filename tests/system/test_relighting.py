@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import unlit
-from unlit.evaluate.metrics import best_gain, psnr
+from unlit.evaluate.metrics import best_gain
+from unlit.psnr import psnr
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

@@ -54,6 +54,7 @@ def run(capsys, *arguments: str) -> tuple[int, str, str]:
         code = error.code
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     return (code, *capsys.readouterr())
 
 
@@ -168,6 +169,8 @@ def wrapped(error: BaseException) -> RuntimeError:
         (FaceError("a.png: no\nface found"), 1, "unlit: error: a.png: no face found"),
         (KeyboardInterrupt(), 130, "unlit: interrupted"),
         (wrapped(KeyboardInterrupt()), 130, "unlit: interrupted"),
+        (SystemExit(143), 143, "unlit: asked to end"),
+        (wrapped(SystemExit(143)), 143, "unlit: asked to end"),
         (wrapped(wrapped(FaceError("x"))), 1, "unlit: error: x"),
         (MemoryError(), 1, "unlit: error: not enough memory"),
         (RuntimeError("jit_malloc(): out of memory!"), 1, "unlit: error: not enough memory"),
@@ -191,6 +194,56 @@ def test_a_failed_run_is_one_line_and_leaves_no_trace(
     assert err.splitlines()[-1].startswith(said)
     assert sum(line.startswith("unlit: ") for line in err.splitlines()) == 1
     assert [path.name for path in tmp_path.iterdir()] == [photo.name]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_during_an_import_is_not_lost(tmp_path, number):
+    """Extension modules swallow what a handler raises while they are loaded, or crash on it."""
+    (tmp_path / "swallows.py").write_text(
+        "import signal, sys\n"
+        "try: signal.raise_signal(int(sys.argv[1]))\n"
+        "except BaseException: pass\n"
+        "print('loaded', flush=True)\n"
+    )
+    code = (
+        "import sys, time\n"
+        "from unlit import cli\n"
+        "def run(options):\n"
+        "    import swallows\n"
+        "    time.sleep(10)\n"
+        "    return 0\n"
+        "cli.doctor.run = run\n"
+        "sys.exit(cli.main(['doctor']))\n"
+    )
+    command = [sys.executable, "-c", code, str(int(number))]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (128 + number, "loaded\n")
+    assert len(done.stderr.splitlines()) == 1
+    assert "nothing half-written is left" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("a.jpg", "-o", "b"), "run it again with --resume to go on"),
+        (("--resume", "b", "--from-stage", "4"), "the saved result is as it was; run the same"),
+    ],
+)
+def test_an_interrupted_run_says_how_to_go_on(capsys, monkeypatch, arguments, said):
+    """A run from a saved result keeps no state of its own: --resume alone would be refused."""
+    for name in ("reconstruct_into", "_continue"):
+        monkeypatch.setattr(cli.reconstruct, name, raiser(KeyboardInterrupt()))
+    code, _, err = run(capsys, "reconstruct", *arguments)
+    assert code == 130
+    assert said in err
+
+
+def test_values_may_begin_like_negative_numbers():
+    """What takes them says what is wrong with them, if anything; options are still told apart."""
+    options = cli._parser().parse_args(["relight", "a", "--light", "-30,10", "-o", "b.png"])
+    assert (options.light, options.output) == ("-30,10", "b.png")
+    options = cli._parser().parse_args(["reconstruct", "a", "-o", "b", "--light-color", "-.5,1"])
+    assert (options.light_color, options.output) == ("-.5,1", "b")
 
 
 def test_a_bug_is_not_hidden(photo, pipeline, tmp_path, capsys):
@@ -256,6 +309,28 @@ def test_models_and_doctor_tell_by_their_code(capsys, monkeypatch):
         code, out, _ = run(capsys, "doctor")
         assert code == (0 if ok else 1)
         assert ("mend it" in out) != ok
+
+
+@pytest.mark.parametrize(
+    ("command", "path", "code"),
+    [
+        ("reconstruct", None, 1),
+        ("reconstruct", Path("damaged"), 1),
+        ("evaluate", None, 0),
+        ("evaluate", Path("damaged"), 1),
+    ],
+)
+def test_a_missing_model_fails_verify_only_if_needed(capsys, monkeypatch, command, path, code):
+    """LPIPS's weights are fetched when `evaluate` wants them; a damaged file is always told."""
+    from unlit import assets
+
+    entry = next(x for x in assets.ASSETS.values() if x.command == command)
+    status = assets.AssetStatus(entry, path, "is bad")
+    monkeypatch.setattr(assets, "statuses", lambda: [status])
+    found, out, _ = run(capsys, "models", "verify")
+    assert found == code
+    assert "is bad" in out
+    assert ("only `unlit evaluate` needs it" in out) == (command == "evaluate")
 
 
 @pytest.mark.parametrize("target", ["pipe", "/dev/full"])

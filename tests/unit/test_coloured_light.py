@@ -13,7 +13,7 @@ from unlit.errors import SettingsError
 from unlit.findings import findings
 from unlit.output import load, save
 from unlit.photo import Photo
-from unlit.pipeline import solve, with_light_color
+from unlit.pipeline import reconstruct, solve, with_light_color
 
 #: Dividing by powers of two is exact.
 COLOR = np.array([1, 0.5, 0.25], np.float32)
@@ -67,6 +67,24 @@ def test_an_image_as_if_white_stays_the_image_itself():
     seen = tiny_run.capture()
     same = with_light_color(seen, tiny_run.head(), Photo.of(seen.image), tiny_run.settings())
     assert same.balanced is seen.image
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ({"light_color": "900,5"}, "900,5: outside the photo, which has 32 x 32 pixels"),
+        ({"exposure": "900,5=0.4"}, "900,5 is not on the face"),
+        ({"exposure": "1,1=0.4"}, "1,1 is not on the face"),
+        ({"exposure": "500lux"}, "does not tell its exposure time"),
+    ],
+)
+def test_what_the_photo_cannot_tell_is_refused_before_the_fit(monkeypatch, said, message):
+    """Pixels outside the picture or beside the face, and lux without EXIF."""
+    seen = tiny_run.capture()
+    monkeypatch.setattr("unlit.pipeline.observe", lambda *_, **__: seen)
+    monkeypatch.setattr("unlit.pipeline.fitted_head", lambda *_: pytest.fail("it was fitted"))
+    with pytest.raises(SettingsError, match=message):
+        reconstruct(Photo.of(seen.image), settings=tiny_run.settings(**said))
 
 
 @pytest.fixture(scope="module")

@@ -32,7 +32,7 @@ class BatchConsole:
         )
         self._task = self._bar.add_task("")
         self._began: float | None = None
-        self._said = time.monotonic()
+        self._said: float | None = None
 
     def __enter__(self) -> BatchConsole:
         self._bar.start()
@@ -61,7 +61,7 @@ class BatchConsole:
                 self._say(f"done  {row.folder}  {sum(row.seconds.values()):.0f} s  ({state})")
         if rows:
             self._said = now
-        elif self._began is not None and now - self._said > _PLAIN_SECONDS:
+        elif counts.running and (self._said is None or now - self._said > _PLAIN_SECONDS):
             self._said = now
             if not self.console.is_terminal:
                 self._say(state)
@@ -77,6 +77,8 @@ class BatchConsole:
             parts.append(f"{counts.failed} failed")
         if self._began is not None:
             parts.append(f"{counts.workers} worker{'' if counts.workers == 1 else 's'}")
+            if counts.running:
+                parts.append(f"{counts.running} running for up to {clock(counts.longest)}")
             new = counts.done + counts.failed
             if new:
                 seconds = (now - self._began) / new * (counts.photos - counts.finished)

@@ -32,18 +32,26 @@ _TABLE_SECONDS = 60.0
 
 @dataclass
 class Counts:
-    """How far a batch is: photos in all, done before it began, done, failed; workers."""
+    """How far a batch is: photos in all, done before it began, done, failed; workers;
+    photos being worked on, and the seconds that the first of them has taken so far.
+    """
 
     photos: int
     before: int = 0
     done: int = 0
     failed: int = 0
     workers: int = 0
+    running: int = 0
+    longest: float = 0.0
 
     @property
     def finished(self) -> int:
         """Photos that nothing more is done about."""
         return self.before + self.done + self.failed
+
+
+#: What is worked on, and since when (monotonic clock).
+Running = dict[Future, tuple[Job, float]]
 
 
 class Watch(Protocol):
@@ -92,7 +100,7 @@ def run_batch(
     if not left:
         return summed_up()
     written = time.monotonic()
-    running: dict[Future, Job] = {}
+    running: Running = {}
 
     def keep(job: Job, new: list[Row]) -> None:
         nonlocal written
@@ -110,7 +118,7 @@ def run_batch(
         with connected(scheduler, len(left), settings.resolution, memory) as client:
             _work(client, left, running, counts, watch, keep)
     finally:
-        for job in running.values():  # some may have ended, unseen, when it was interrupted
+        for job, _ in running.values():  # some may have ended, unseen, when it was interrupted
             known = task.known_rows(job, store, store.record(job.name))
             if known is not None:
                 rows[job.name] = known
@@ -121,7 +129,7 @@ def run_batch(
 def _work(
     client: Client,
     left: deque[Job],
-    running: dict[Future, Job],
+    running: Running,
     counts: Counts,
     watch: Watch,
     keep: Callable[[Job, list[Row]], None],
@@ -136,11 +144,15 @@ def _work(
             counts.workers = len(client.nthreads())  # type: ignore[arg-type]
             while left and len(running) < counts.workers:
                 job = left.popleft()
-                running[client.submit(task.run, job, pure=False)] = job
-            for future in _first_finished(running):
-                rows = _rows(future, running[future])
-                keep(running.pop(future), rows)
+                running[client.submit(task.run, job, pure=False)] = job, time.monotonic()
+            counts.running = len(running)
+            begun = min((start for _, start in running.values()), default=time.monotonic())
+            counts.longest = time.monotonic() - begun
             watch(counts, [])
+            for future in _first_finished(running):
+                rows = _rows(future, running[future][0])
+                counts.running -= 1
+                keep(running.pop(future)[0], rows)
     except (OSError, CancelledError) as error:
         raise MachineError(
             "the Dask scheduler was lost; what is done is kept, run the same again"
@@ -152,7 +164,7 @@ def _work(
                 client.run(task.idle, _GRACE_SECONDS)
 
 
-def _first_finished(running: dict[Future, Job]) -> list[Future]:
+def _first_finished(running: Running) -> list[Future]:
     """The futures that have ended, after waiting a while for the first."""
     if not running:
         time.sleep(_POLL_SECONDS)  # for a worker to come

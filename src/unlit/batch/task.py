@@ -128,9 +128,9 @@ def _result(
     job: Job, photo: Photo, face: str | int, settings: Settings, store: Store, place: str
 ) -> Row:
     """Reconstruct one face of `photo` and save it to `place`."""
-    from ..evaluate.metrics import psnr
     from ..output import needed_bytes, save
     from ..pipeline import reconstruct
+    from ..psnr import psnr
 
     log, stop_if_cancelled = _log(photo, settings), _stop_if_cancelled()
 

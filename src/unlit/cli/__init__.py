@@ -12,8 +12,10 @@ import errno
 import os
 import signal
 import sys
+import threading
 from collections.abc import Sequence
-from typing import Any, NoReturn
+from types import FrameType
+from typing import Any
 
 from ..errors import SettingsError, UnlitError
 from . import (
@@ -49,16 +51,16 @@ COMMANDS = (
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     with contextlib.suppress(ValueError):  # not in the main thread
-        signal.signal(signal.SIGTERM, _end)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, _end)
+    options = argparse.Namespace(again="")
     try:
-        options = _parser().parse_args(arguments)
+        _parser().parse_args(arguments, options)
         code = options.run(options)
         sys.stdout.flush()
         return code
-    except Exception as error:
-        return _explain(_cause(error))
-    except KeyboardInterrupt as error:
-        return _explain(error)
+    except (Exception, KeyboardInterrupt, SystemExit) as error:
+        return _explain(_cause(error), options.again)
 
 
 def _cause(error: BaseException) -> BaseException:
@@ -67,20 +69,20 @@ def _cause(error: BaseException) -> BaseException:
     return _cause(inner) if type(error) is RuntimeError and inner is not None else error
 
 
-def _explain(error: BaseException) -> int:
-    """Print one line about `error` and return the exit code; what is no user's doing is raised."""
+def _explain(error: BaseException, again: str) -> int:
+    """Print one line about `error` and return the exit code; what is no user's doing is raised.
+
+    again: how to go on after an interruption.
+    """
     match error:
         case SettingsError():
             return _fail(error, 2)
         case UnlitError():
             return _fail(error, 1)
         case KeyboardInterrupt():
-            print(
-                "unlit: interrupted; nothing half-written is left, run it again "
-                "(reconstruct: with --resume to go on)",
-                file=sys.stderr,
-            )
-            return 130
+            return _stopped("interrupted", again, 130)
+        case SystemExit(code=143):
+            return _stopped("asked to end", again, 143)
         case BrokenPipeError():
             _drop_output()
             return 141
@@ -96,11 +98,17 @@ def _explain(error: BaseException) -> int:
     raise error
 
 
+_LATER_SECONDS = 0.05
 _MEMORY = "not enough memory: close programs, or use --preset draft or a lower --resolution"
 
 
 def _fail(error: Exception | str, code: int) -> int:
     print(f"unlit: error: {' '.join(str(error).split())}", file=sys.stderr)
+    return code
+
+
+def _stopped(how: str, again: str, code: int) -> int:
+    print(f"unlit: {how}; nothing half-written is left{again}", file=sys.stderr)
     return code
 
 
@@ -110,8 +118,27 @@ def _drop_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _end(number: int, frame: Any) -> NoReturn:
-    raise SystemExit(128 + number)
+def _end(number: int, frame: FrameType | None) -> None:
+    """Raise what ends the command, but not in the middle of an import.
+
+    There an extension module may swallow it, or crash on it; so the signal comes again later.
+    """
+    if _importing(frame):
+        later = threading.Timer(_LATER_SECONDS, signal.raise_signal, (number,))
+        later.daemon = True
+        later.start()
+    elif number == signal.SIGINT:
+        raise KeyboardInterrupt
+    else:
+        raise SystemExit(128 + number)
+
+
+def _importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
 
 
 class _Version(argparse.Action):

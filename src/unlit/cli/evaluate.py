@@ -45,7 +45,7 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--true-mesh", action="store_true", help="give the reconstruction the subject's own mesh"
     )
-    add_settings(parser, "paper")
+    add_settings(parser, "paper", seed="of the path tracer's samples (0)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -9,6 +9,9 @@ from typing import Any
 from ..errors import SettingsError
 from .parser import command
 
+#: The models of other commands may be missing.
+_NEEDED = "reconstruct"
+
 
 def add(commands: Any) -> None:
     """The sub-parser of this command."""
@@ -30,8 +33,8 @@ def add(commands: Any) -> None:
         nargs="?",
         choices=("list", "fetch", "verify", "licences", "add"),
         default="list",
-        help="list (default); fetch what is missing; verify (exit code 1 if one is bad); "
-        "licences; add a head model",
+        help="list (default); fetch what is missing; verify (exit code 1 if one is damaged, "
+        "or if `reconstruct` lacks one); licences; add a head model",
     )
     parser.add_argument("name", nargs="?", metavar="ict", help="with add: the head model's name")
     parser.add_argument("folder", nargs="?", metavar="FOLDER", help="with add: its files")
@@ -55,17 +58,18 @@ def run(options: argparse.Namespace) -> int:
     for status in found:
         entry = status.asset
         print(f"{entry.name}  {entry.size / 1e6:.1f} MB  {entry.licence}\n  {entry.purpose}")
-        print(f"  {status.problem or f'verified: {status.path}'}")
+        optional = "" if entry.command == _NEEDED else f" (only `unlit {entry.command}` needs it)"
+        print(f"  {status.problem + optional if status.problem else f'verified: {status.path}'}")
         if options.action == "verify":
             print(f"  sha256 {entry.sha256}")
     from ..head import library
 
     for name, path in library.added().items():
         print(f"{name}  head model, for --model {name}\n  {path}")
-    missing = any(status.problem for status in found)
-    if missing:
+    if any(status.problem for status in found):
         print("`unlit models fetch` gets what is missing.")
-    return int(missing and options.action == "verify")
+    bad = any(s.problem and (s.path is not None or s.asset.command == _NEEDED) for s in found)
+    return int(bad and options.action == "verify")
 
 
 def _add(name: str | None, folder: str | None) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from typing import Any
 
 
@@ -19,5 +20,7 @@ def command(
         epilog=f"example{'s' if examples.count('unlit ') > 1 else ''}:\n{examples}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.set_defaults(run=run)
+    # What begins like a number is a value, as from Python 3.14 on: -30,10 is no option.
+    parser._negative_number_matcher = re.compile(r"-\.?\d")
+    parser.set_defaults(run=run, again=", run it again")
     return parser

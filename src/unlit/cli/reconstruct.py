@@ -69,7 +69,9 @@ def run(options: argparse.Namespace) -> int:
     from ..photo import read_photo
 
     if options.from_stage is not None:
+        options.again = ", the saved result is as it was; run the same command again"
         return _continue(options)
+    options.again += " with --resume to go on"
     named = options.resume if isinstance(options.resume, str) else None
     if options.photo is None and options.output is not None:
         options.photo, named = named, None  # it was written --resume PHOTO -o DIR

@@ -22,7 +22,7 @@ def add(commands: Any) -> None:
         "round the head, or with --turntable the head turns. More: docs/relighting.md.",
         "  unlit relight portrait --light flash -o flash.png\n"
         "  unlit relight portrait --light sun:-60,30 --over-photo portrait.jpg -o sun.png\n"
-        "  unlit relight portrait --light studio.hdr --rotate 90 --exposure 0.5 -o studio.exr\n"
+        "  unlit relight portrait --light studio.hdr --rotate 90 --brightness 0.5 -o studio.exr\n"
         "  unlit relight portrait --light sun:0,20 --fast -o sweep.mp4\n"
         "  unlit relight portrait --light photo --turntable --fast -o turn.gif",
     )
@@ -56,7 +56,11 @@ def add(commands: Any) -> None:
         "light stands still",
     )
     parser.add_argument(
-        "--exposure", type=float, default=0.0, metavar="EV", help="stops brighter, or darker (0)"
+        "--brightness",
+        type=float,
+        default=0.0,
+        metavar="STOPS",
+        help="1 doubles the light, -1 halves it (0)",
     )
     parser.add_argument(
         "--over-photo",

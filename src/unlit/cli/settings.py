@@ -16,8 +16,13 @@ if TYPE_CHECKING:
 PRESETS = ("paper", "draft")
 
 
-def add_settings(parser: argparse.ArgumentParser, preset: str, every_face: bool = False) -> None:
-    """Add the options; with `every_face`, --face takes "all", too."""
+def add_settings(
+    parser: argparse.ArgumentParser,
+    preset: str,
+    every_face: bool = False,
+    seed: str = "kept in the result; without effect, as nothing in the method is random",
+) -> None:
+    """Add the options; with `every_face`, --face takes "all", too. seed: what it is for."""
     parser.add_argument(
         "--preset",
         choices=PRESETS,
@@ -35,7 +40,7 @@ def add_settings(parser: argparse.ArgumentParser, preset: str, every_face: bool 
         f"512 pixels a side take {_gigabytes(512)}, 2048 take {_gigabytes(2048)}; "
         "in a batch, what its workers on this machine take together",
     )
-    parser.add_argument("--seed", type=int, metavar="N", help="seed of random choices")
+    parser.add_argument("--seed", type=int, metavar="N", help=seed)
     parser.add_argument(
         "--light-color",
         metavar="COLOR",

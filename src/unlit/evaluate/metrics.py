@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from ..color import encode_srgb
 from ..errors import MachineError
+from ..psnr import psnr, psnr_linear
 from .lpips import lpips
 
 
@@ -25,20 +26,6 @@ def best_gain(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
         errors = [np.mean((encode_srgb(a * g) - encode_srgb(b)) ** 2) for g in trial]
         gain = float(trial[int(np.argmin(errors))])
     return gain
-
-
-def psnr(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
-    """Peak signal-to-noise ratio, dB, of sRGB-encoded values clipped to [0, 1], inside `mask`.
-
-    image, truth: (H, W, 3) linear; mask: (H, W) bool.
-    """
-    return psnr_linear(encode_srgb(image), encode_srgb(truth), mask)
-
-
-def psnr_linear(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
-    """The same of the values as they are, clipped to [0, 1]."""
-    a, b = (np.clip(x[mask], 0, 1).astype(np.float64) for x in (image, truth))
-    return float(-10 * np.log10(max(np.mean((a - b) ** 2), 1e-12)))
 
 
 def ssim(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:

@@ -22,9 +22,10 @@ from ..optimize.problem import Progress
 from ..optimize.schedule import Settings, as_dict
 from ..photo import Photo
 from ..pipeline import Head, fitted_head, observe, solve, with_light_color
+from ..psnr import psnr
 from ..reconstruction import Reconstruction
 from ..render.relight import traced
-from .metrics import angle, best_gain, compare, psnr, surface_distance
+from .metrics import angle, best_gain, compare, surface_distance
 from .scan import Scan
 from .store import Store
 from .subject import Subject, visible_surface

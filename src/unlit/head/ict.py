@@ -31,6 +31,7 @@ NEUTRAL = "generic_neutral_mesh.obj"
 _INDICES = "vertex_indices.json"
 _FOLDER = "FaceXModel"
 _VERTICES = 26_719
+_IDENTITIES = 100
 # The parts that are kept, as ranges of vertices, and the region of each.
 _PARTS = (
     (0, 11_248, "skin"),  # face, head and neck
@@ -72,16 +73,20 @@ def build(folder: Path, progress: Callable[[str, int, int], None] = lambda *_: N
             f"{folder / NEUTRAL}: not ICT-FaceKit's neutral head: it has "
             f"{len(neutral.vertices)} vertices, not {_VERTICES} with texture coordinates"
         )
-    shapes = sorted(folder.glob("identity*.obj"))
-    if not shapes:
-        raise ModelError(f"{folder}: holds no identity000.obj; copy the whole folder {_FOLDER}")
     names = _expressions(folder)
+    shapes = [folder / f"identity{k:03d}.obj" for k in range(_IDENTITIES)]
+    files = [*shapes, *(folder / f"{name}.obj" for name in names)]
+    missing = [file.name for file in files if not file.is_file()]
+    if missing:
+        raise ModelError(
+            f"{folder}: {len(missing)} of {len(files)} shapes are missing, {missing[0]} first; "
+            f"copy the whole folder {_FOLDER}"
+        )
     kept = np.concatenate([np.arange(low, high) for low, high, _ in _PARTS])
     region = np.concatenate(
         [np.full(high - low, VERTEX_REGIONS.index(name), np.uint8) for low, high, name in _PARTS]
     )
 
-    files = [*shapes, *(folder / f"{name}.obj" for name in names)]
     moved = np.zeros((len(files), len(kept), 3), dtype=np.float32)
     for index, file in enumerate(files):
         progress(f"reading {file.name}", index, len(files))
@@ -136,8 +141,6 @@ def _moved(path: Path, neutral: np.ndarray, kept: np.ndarray) -> np.ndarray:
         with path.open("rb") as file:
             lines = [line[2:] for line in file if line.startswith(b"v ")]
         vertices = np.array([line.split()[:3] for line in lines], dtype=np.float64)
-    except FileNotFoundError:
-        raise ModelError(f"{path}: missing; copy the whole folder {_FOLDER}") from None
     except (OSError, ValueError) as error:
         raise ModelError(f"{path}: not a whole .obj file ({error})") from None
     if vertices.shape != neutral.shape:

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import platformdirs
 
 from ..assets import FOLDER_VARIABLE
@@ -14,6 +15,8 @@ from .model import HeadModel, default_model
 
 DEFAULT = "makehuman"
 _SUFFIX = ".npz"
+#: Landmarks of a face span so much, cm: neither inches nor millimetres nor metres do.
+_FACE = (8.0, 40.0)
 
 Progress = Callable[[str, int, int], None]
 
@@ -35,14 +38,27 @@ def head_model(name: str) -> HeadModel:
     if name == DEFAULT:
         return default_model()
     if name.endswith(_SUFFIX):
-        return HeadModel.load(Path(name).expanduser())
+        return _of_file(Path(name).expanduser())
     known = added()
     if name in known:
-        return HeadModel.load(known[name])
+        return _of_file(known[name])
     hint = "" if "ict" in known else "; `unlit models add ict FOLDER` adds ICT-FaceKit"
     raise ModelError(
         f"{name}: no such head model; give {', '.join((DEFAULT, *known))} or an .npz file{hint}"
     )
+
+
+def _of_file(path: Path) -> HeadModel:
+    model = HeadModel.load(path)
+    points = model.landmarks(model.neutral)
+    points = points[np.isfinite(points).all(axis=1)]
+    size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+    if not _FACE[0] <= size <= _FACE[1]:
+        raise ModelError(
+            f"{path}: its landmarks span {size:.3g} cm, a face's some 17; give 'neutral', "
+            "'identity' and 'expression' in centimetres, and landmarks all over the face"
+        )
+    return model
 
 
 def add(name: str, source: Path, progress: Progress) -> Path:

@@ -35,13 +35,13 @@ class Order:
     """What is asked of a relighting; None: not given.
 
     light: as `lights.named` takes it, or `photo`. rotate: degrees, or "sweep". turntable: degrees
-    to either side, or 360. exposure: stops. samples, frames, fps: see the defaults above.
+    to either side, or 360. brightness: stops. samples, frames, fps: see the defaults above.
     """
 
     light: str
     rotate: float | str | None = None
     turntable: float | None = None
-    exposure: float = 0.0
+    brightness: float = 0.0
     fast: bool = False
     samples: int | None = None
     frames: int | None = None
@@ -58,7 +58,7 @@ class Order:
             raise SettingsError(
                 f"-o: {suffix or 'no ending'}: give a .png, .exr, .mp4 or .gif file"
             )
-        _check("--exposure", self.exposure, -_MAX_STOPS, _MAX_STOPS)
+        _check("--brightness", self.brightness, -_MAX_STOPS, _MAX_STOPS)
         _check("--samples", self.samples, 1, _MAX_SAMPLES)
         _check("--frames", self.frames, 2, _MAX_FRAMES)
         _check("--fps", self.fps, 1, _MAX_FPS)
@@ -140,14 +140,14 @@ def _spare_inputs(folder: Path, path: Path, order: Order) -> None:
 
 
 def _environment(order: Order, face: Reconstruction) -> np.ndarray:
-    """The light at its strength: lights from files at a fixed one, then the exposure."""
+    """The light at its strength: lights from files at a fixed one, then the stops."""
     if order.light == OWN_LIGHT:
         environment = face.light.rasterize()
     else:
         environment = named(order.light, (OWN_LIGHT,))
         if Path(order.light).suffix.lower() in FILES:
             environment = exposed(environment, order.light)
-    return environment * np.float32(2**order.exposure)
+    return environment * np.float32(2**order.brightness)
 
 
 def _png(frames: Iterator[np.ndarray], fps: int) -> bytes:

@@ -13,13 +13,14 @@ from typing import Any
 
 import tomli_w
 
-from ..evaluate.metrics import psnr
-from ..exposure import AUTO, full_light
+from ..color import is_white
+from ..exposure import full_light
 from ..findings import findings
-from ..illuminant import temperature
+from ..illuminant import AUTO, temperature
 from ..output.atlas import Atlas, bake
 from ..output.folder import REPORT, write_one
 from ..output.load import load
+from ..psnr import psnr
 from ..reconstruction import Reconstruction
 from . import figures
 from .bundle import REMEDY, WEB, missing_because, program
@@ -128,7 +129,7 @@ def _facts(r: Reconstruction) -> dict[str, str]:
 
 
 def _light_color(r: Reconstruction) -> str:
-    if (r.light_color == 1).all():
+    if is_white(r.light_color):
         return "taken for white"
     numbers = ", ".join(f"{value:.3f}" for value in r.light_color)
     return f"{numbers} (linear RGB), nearest to {temperature(r.light_color):.0f} K"

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..color import is_white
+
 #: The environment map's size (rows, columns), and the lobes' starting grid (paper, section 2.3).
 RASTER = (180, 360)
 GRID = (18, 36)
@@ -59,7 +61,7 @@ class SphericalGaussians:
             part = slice(start, start + 4096)
             out[part] = np.exp(self.sharpness * (flat[part] @ axis - 1)) @ self.amplitude
         grey = out.reshape(np.shape(directions)[:-1])
-        return grey if (self.color == 1).all() else grey[..., None] * self.color
+        return grey if is_white(self.color) else grey[..., None] * self.color
 
     def rasterize(self, height: int = RASTER[0], width: int = RASTER[1]) -> np.ndarray:
         """Environment map (height, width[, 3]), float32 radiance at the pixel centres."""

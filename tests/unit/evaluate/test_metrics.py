@@ -11,11 +11,10 @@ from unlit.evaluate.metrics import (
     best_gain,
     compare,
     flip,
-    psnr,
-    psnr_linear,
     ssim,
     surface_distance,
 )
+from unlit.psnr import psnr, psnr_linear
 
 RNG = np.random.default_rng(0)
 

@@ -44,6 +44,7 @@ def repository(tmp_path: Path, neutral: np.ndarray, monkeypatch: pytest.MonkeyPa
     (folder / "vertex_indices.json").write_text(json.dumps({"expressions": ACTIONS}))
     points = Embedding(np.zeros(478, np.int32), np.tile(np.float32([1, 0, 0]), (478, 1)))
     monkeypatch.setattr(ict, "_VERTICES", 12)
+    monkeypatch.setattr(ict, "_IDENTITIES", 2)
     monkeypatch.setattr(ict, "_PARTS", PARTS)
     monkeypatch.setattr(ict, "embed_landmarks", lambda *_, **__: points)
     monkeypatch.setattr(ict, "MULTI_PIE", 17 * (0, 1, 2, 3))
@@ -83,13 +84,17 @@ def test_the_inner_folder_will_do(repository: Path) -> None:
             lambda f: (f / "generic_neutral_mesh.obj").write_text(obj(np.zeros((3, 3)), FACES[:1])),
             "3 vertices, not 12",
         ),
-        (lambda f: [x.unlink() for x in f.glob("identity*")], "holds no identity000.obj"),
+        (lambda f: [x.unlink() for x in f.glob("identity*")], "2 of 4 shapes are missing"),
+        (
+            lambda f: (f / "identity001.obj").unlink(),
+            "1 of 4 shapes are missing, identity001.obj first; copy the whole folder",
+        ),
         (
             lambda f: (f / "identity001.obj").write_text(obj(np.zeros((5, 3)))),
             "identity001.obj: has 5 vertices, the neutral head 12",
         ),
         (lambda f: (f / "identity001.obj").write_text("v 1 two 3\n"), "not a whole .obj file"),
-        (lambda f: (f / "jawOpen.obj").unlink(), "jawOpen.obj: missing"),
+        (lambda f: (f / "jawOpen.obj").unlink(), "1 of 4 shapes are missing, jawOpen.obj first"),
         (lambda f: (f / "vertex_indices.json").unlink(), "vertex_indices.json: missing"),
         (lambda f: (f / "vertex_indices.json").write_text("[1, 2"), "list of facial actions"),
         (

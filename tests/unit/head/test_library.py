@@ -12,21 +12,25 @@ from unlit.head import ict, library
 from unlit.head.model import LANDMARKS, HeadModel
 
 
-def triangle(name: str) -> HeadModel:
-    """The smallest head there is."""
+def triangle(name: str, size: float = 17.0) -> HeadModel:
+    """The smallest head there is, with landmarks `size` cm apart."""
+    carried = np.full(LANDMARKS, -1, np.int32)
+    carried[:2] = 0
+    weights = np.zeros((LANDMARKS, 3), np.float32)
+    weights[:2, :2] = np.eye(2)
     return HeadModel(
         name=name,
         licence="CC0-1.0",
         origin="test",
-        neutral=np.eye(3, dtype=np.float32),
+        neutral=np.eye(3, dtype=np.float32) * np.float32(size),
         identity=np.zeros((0, 3, 3), np.float32),
         expression=np.zeros((0, 3, 3), np.float32),
         expression_names=(),
         triangles=np.array([[0, 1, 2]], np.int32),
         uv=np.zeros((1, 2), np.float32),
         triangle_uv=np.zeros((1, 3), np.int32),
-        landmark_triangle=np.full(LANDMARKS, -1, np.int32),
-        landmark_barycentric=np.zeros((LANDMARKS, 3), np.float32),
+        landmark_triangle=carried,
+        landmark_barycentric=weights,
         vertex_region=np.zeros(3, np.uint8),
     )
 
@@ -60,6 +64,14 @@ def test_the_named_folder_comes_first(home: Path, monkeypatch: pytest.MonkeyPatc
     assert library.head_model("ict").name == "heads"
     monkeypatch.setenv("UNLIT_MODELS", str(home / "named"))
     assert library.head_model("ict").name == "named"
+
+
+@pytest.mark.parametrize("size", [0.17, 170.0, 6.7, 0.0])
+def test_a_head_that_is_not_in_centimetres_is_refused(home: Path, size: float) -> None:
+    """Metres, millimetres, inches, no extent at all: the photo would get the blame."""
+    triangle("mine", size).save(home / "mine.npz")
+    with pytest.raises(ModelError, match=r"mine\.npz: its landmarks span .* cm"):
+        library.head_model(str(home / "mine.npz"))
 
 
 @pytest.mark.parametrize(

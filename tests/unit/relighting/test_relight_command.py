@@ -45,7 +45,7 @@ def test_sun_from_the_left_lights_the_left(saved: Saved, tmp_path: Path, how: tu
     assert other_right > 2 * other_left
 
 
-def test_exposure_and_files(saved: Saved, tmp_path: Path) -> None:
+def test_brightness_and_files(saved: Saved, tmp_path: Path) -> None:
     """A stop doubles linear values; PNG is the sRGB of EXR; the light's file may be in any unit."""
     sky = np.random.default_rng(3).random((16, 32, 3)).astype(np.float32) * 700
     (tmp_path / "sky.exr").write_bytes(exr(sky))
@@ -53,7 +53,7 @@ def test_exposure_and_files(saved: Saved, tmp_path: Path) -> None:
     for ev, name in ((0, "a.exr"), (1, "b.exr"), (-1, "c.png")):
         out = tmp_path / name
         light = tmp_path / "sky.exr"
-        assert run(saved.result, "--light", light, "--exposure", ev, "--fast", "-o", out) == 0
+        assert run(saved.result, "--light", light, "--brightness", ev, "--fast", "-o", out) == 0
         if name.endswith("exr"):
             found[name] = read_picture(out)
     np.testing.assert_allclose(found["b.exr"], 2 * found["a.exr"], rtol=1e-5)
@@ -141,7 +141,7 @@ def test_video(saved: Saved, tmp_path: Path, motion: tuple) -> None:
         (("-o", "a.gif", "--turntable", "--over-photo", "p.png"), 2, "do not go together"),
         (("-o", "a.gif", "--turntable", "400"), 2, "--turntable 400: choose 1 to 360"),
         (("-o", "a.gif", "--frames", "1"), 2, "--frames 1: choose 2 to"),
-        (("-o", "a.png", "--exposure", "nan"), 2, "--exposure nan: choose -20 to 20"),
+        (("-o", "a.png", "--brightness", "nan"), 2, "--brightness nan: choose -20 to 20"),
         (("-o", "a.png", "--fast", "--samples", "9"), 2, "--samples has no use with --fast"),
         (("-o", "a.png", "--light", "moon"), 2, "moon: no such light"),
         (("-o", "a.png", "--light", "no.hdr"), 1, "no.hdr: cannot be read"),

@@ -1,6 +1,6 @@
-"""Examples of the landmarker's errors on heads whose landmarks are known (landmark_error.py).
+"""Learn the landmarker's mean error from photos of heads whose landmarks are known.
 
-    python -m unlit.head.simulated_errors [HEADS]      writes landmark_error.npz beside it
+    python tools/simulated_errors.py [HEADS]      writes src/unlit/head/landmark_error.npz
 
 Three photos each of HEADS random heads of the default model: identity from its prior, every other
 head with an expression, yaw to 42 degrees, pitch and roll to 15, 60 to 150 cm away, skin painted
@@ -18,15 +18,15 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
-from ..color import encode_srgb
-from ..evaluate.subject import SKINS, Features, Subject, paint
-from ..perception.landmarks import find_faces
-from ..perception.topology import LEFT_EYEBROW, LIPS_INNER, LIPS_OUTER, RIGHT_EYEBROW
-from ..scene.camera import Camera
-from ..scene.light import disc, uniform
-from .eyelids import eyeballs
-from .landmark_error import FILE, learn
-from .model import LANDMARKS, HeadModel, default_model
+from unlit.color import encode_srgb
+from unlit.evaluate.subject import SKINS, Features, Subject, paint
+from unlit.head.eyelids import eyeballs
+from unlit.head.landmark_error import FILE, learn
+from unlit.head.model import LANDMARKS, HeadModel, default_model
+from unlit.perception.landmarks import find_faces
+from unlit.perception.topology import LEFT_EYEBROW, LIPS_INNER, LIPS_OUTER, RIGHT_EYEBROW
+from unlit.scene.camera import Camera
+from unlit.scene.light import disc, uniform
 
 _HEADS = 180
 _PHOTOS = 3
@@ -40,7 +40,7 @@ _MOUTH, _UPPER = ("mouth", "jaw"), ("brow", "cheek", "nose", "eyeSquint", "eyeBl
 
 @dataclass(frozen=True)
 class Example:
-    """One photo: error (478, 2) as in landmark_error.py, yaw and pitch in radians."""
+    """One photo: error (478, 2) as in head/landmark_error.py, yaw and pitch in radians."""
 
     error: np.ndarray
     yaw: float
@@ -145,7 +145,7 @@ def main(heads: int = _HEADS) -> None:
         np.array([x.pitch for x in found]),
         partners(model),
     )
-    path = Path(__file__).with_name(FILE)
+    path = Path(__file__).parents[1] / "src/unlit/head" / FILE
     np.savez_compressed(path, mean=error.mean.astype(np.float16))
     print(f"{path}: {len(found)} photos of {heads} heads")
 
