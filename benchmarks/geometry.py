@@ -1,13 +1,16 @@
 """How good the fitted mesh is, on heads whose surface is known (docs/geometry.md).
 
-    python benchmarks/geometry.py [--people LIST] [--lights LIST] [--model FILE] [--quick] -o DIR
+    python benchmarks/geometry.py [--people LIST] [--lights LIST] [--model FILE] [--seeds N]
+                                  [--quick] -o DIR
     python benchmarks/quality.py --geometry ...        the same
 
 Every head is photographed by path tracing under each light, and the head model is fitted to the
 photo in four ways. Per photo and way: the angle between the mesh's and the true normals (mean and
 median, degrees) and the error of depth after one scale (mm) inside the face without eyes, nostrils
 and inner mouth; the angle between the two heads' axes of symmetry (degrees), which says how far
-their turn is off whatever their shapes; the landmarks' residual (% of the eye distance).
+their turn is off whatever their shapes; the landmarks' residual (% of the eye distance). With
+--seeds every photo is taken N times with other noise, and the figures are means; `normal_spread` is
+the largest less the smallest mean angle of the N.
 
 DIR gets geometry.md, geometry.json, a picture of the errors for each head, and in DIR/steps the
 photos, so that a second run takes half a second a photo. Settings are chosen on the people marked
@@ -132,15 +135,22 @@ class Case:
 
 
 def cases(
-    name: str, person: Person, lights: Sequence[str], steps: Path, size: int = SIZE
+    name: str,
+    person: Person,
+    lights: Sequence[str],
+    steps: Path,
+    size: int = SIZE,
+    seed: int = 0,
 ) -> list[Case]:
-    """The person photographed under every light."""
+    """The person photographed under every light; seed: of the path tracer."""
     subject = person.make(size)
     vertices, triangles = subject.mesh()
     known = tuple(named(x) for x in ("uniform", *(x for x in lights if x != "uniform")))
     content = key(name, size, vertices, triangles, *vars(subject.truth).values())
     study = Study(
-        subject, content, known, replace(PRESETS["draft"], resolution=size), Store(steps), 64
+        *(subject, content, known, replace(PRESETS["draft"], resolution=size), Store(steps)),
+        samples=64,
+        seed=seed,
     )
     captures = {shot.light.name: _capture(name, shot, subject) for shot in study.shots()}
     position, normal = visible_surface(*_welded(vertices, triangles), subject.camera)
@@ -208,13 +218,13 @@ def mean_head(model: HeadModel, capture: Capture) -> HeadFit:
 def landmark_fit(settings: FitSettings) -> Fitter:
     """To the landmarks alone."""
     return lambda model, capture: LandmarkProblem(
-        model, capture.landmarks, capture.camera, settings
+        model, capture.landmarks, capture.camera, settings, image=capture.image
     ).solve(_closed(capture))
 
 
 def shading_fit(model: HeadModel, capture: Capture) -> HeadFit:
     """What `unlit reconstruct` does."""
-    problem = LandmarkProblem(model, capture.landmarks, capture.camera)
+    problem = LandmarkProblem(model, capture.landmarks, capture.camera, image=capture.image)
     closed = _closed(capture)
     fit = problem.solve(closed)
     return photometric_fit(problem, fit, capture.image, capture.regions, mouth_closed=closed)
@@ -269,6 +279,22 @@ def run(case: Case, model: HeadModel, fitters: dict[str, Fitter] | None = None) 
             fit = fitter(model, case.capture)
         found[name] = judge(case, model, fit, time.process_time() - start)
     return found
+
+
+def averaged(rows: list[tuple[Case, dict[str, Found]]]) -> dict[str, dict[str, dict[str, float]]]:
+    """Figures by light and way, their mean over the photos under one light."""
+    lights: dict[str, list[dict[str, Found]]] = {}
+    for case, found in rows:
+        lights.setdefault(case.light, []).append(found)
+    result: dict[str, dict[str, dict[str, float]]] = {}
+    for name, photos in lights.items():
+        result[name] = {}
+        for way in photos[0]:
+            figures = [found[way].figures for found in photos]
+            mean = {key: float(np.mean([f[key] for f in figures])) for key in figures[0]}
+            spread = float(np.ptp([f["normal_mean"] for f in figures]))
+            result[name][way] = mean | {"normal_spread": spread}
+    return result
 
 
 def picture(rows: list[tuple[Case, dict[str, Found]]]) -> np.ndarray:
@@ -338,6 +364,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--people", default="", help="comma-separated; default all there are")
     parser.add_argument("--lights", default=",".join(LIGHTS), help="comma-separated")
     parser.add_argument("--model", type=Path, help="head model file; default the built-in one")
+    parser.add_argument("--seeds", type=int, default=1, help="photos of each; default 1")
     parser.add_argument("--quick", action="store_true", help="three people, flash and side light")
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder to write")
     options = parser.parse_args(arguments)
@@ -356,14 +383,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in chosen:
         rows = [
             (case, run(case, model))
-            for case in cases(name, everyone[name], lights, folder / "steps" / name)
+            for seed in range(options.seeds)
+            for case in cases(name, everyone[name], lights, folder / "steps" / name, seed=seed)
         ]
-        results[name] = {
-            case.light: {way: x.figures for way, x in found.items()} for case, found in rows
-        }
+        results[name] = averaged(rows)
         write_one(folder / f"{name}.png", png(picture(rows)))
         print(f"{name} done", file=sys.stderr, flush=True)
-    facts = [f"head model {model.name}, {SIZE} x {SIZE} pixels, 64 samples a pixel"]
+    facts = [
+        f"head model {model.name}, {SIZE} x {SIZE} pixels, 64 samples a pixel",
+        f"photos of each head under each light: {options.seeds}",
+    ]
     tuned = {name: everyone[name].tuned for name in chosen}
     text = markdown("Geometry", facts, tables(results, tuned))
     write_one(folder / "geometry.md", text.encode())

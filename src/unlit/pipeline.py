@@ -207,7 +207,7 @@ def _check_known(capture: Capture, photo: Photo, settings: Settings) -> None:
 def fitted_head(capture: Capture, model: HeadModel) -> Head:
     """`model` fitted to the capture's landmarks, then to its shading. Raises FaceError."""
     closed = bool(capture.regions.mouth.max() < 0.5)
-    problem = LandmarkProblem(model, capture.landmarks, capture.camera)
+    problem = LandmarkProblem(model, capture.landmarks, capture.camera, image=capture.image)
     with threadpool_limits(1, user_api="blas"):
         fit = photometric_fit(
             problem, problem.solve(closed), capture.image, capture.regions, mouth_closed=closed

@@ -11,9 +11,10 @@ length is given.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from ..errors import FaceError
@@ -59,6 +60,10 @@ class FitSettings:
         smile moves the lips by far more than the landmarks are wrong.
     iterations: of Gauss-Newton, after the pose alone has settled.
     closed: the mouth counts as closed, and is closed, below this opening in mouth widths.
+    dark_weight: factor on the weight of a landmark in the dark, where the landmarker guesses.
+    dim: light on a landmark, as a share of that on the face's lit part, below which it counts as
+        dark, and above which it has its full weight.
+    light_blur: standard deviation of the Gaussian that the light is averaged with.
     """
 
     contour_weight: float = 1.0
@@ -72,6 +77,9 @@ class FitSettings:
     last_deviation: float = 12.0
     iterations: int = 8
     closed: float = 0.04
+    dark_weight: float = 0.03
+    dim: tuple[float, float] = (0.1, 0.4)
+    light_blur: float = 6.0
 
 
 @dataclass(frozen=True)
@@ -138,6 +146,7 @@ class LandmarkProblem:
     """Residuals of the landmarks the model carries, and one Gauss-Newton step on them.
 
     Arguments and errors as for fit_head; bias: of the landmarks, what is shipped if None.
+    image: (S, S, 3) linear sRGB, that landmarks in the dark may be trusted less.
     """
 
     def __init__(
@@ -147,6 +156,7 @@ class LandmarkProblem:
         camera: Camera,
         settings: FitSettings | None = None,
         bias: LandmarkError | None = None,
+        image: np.ndarray | None = None,
     ) -> None:
         settings = settings or FitSettings()
         self.bias = bias or shipped_error()
@@ -169,6 +179,12 @@ class LandmarkProblem:
         self.neutral = carried(model.neutral[None])[0]  # (L, 3)
         self.basis = np.concatenate([carried(model.identity), carried(model.expression)])
         self.frames, self.weights = self._trust()
+        #: Share of the weight that is left of the landmarks for the light on them.
+        self.lit = 1.0
+        if image is not None:
+            whole = self.weights.sum()
+            self.weights = self.weights * self._lit(image)[:, None]
+            self.lit = float(self.weights.sum() / whole)
         place = {int(landmark): index for index, landmark in enumerate(self.used)}
         gaps = [pair for pair in _GAPS if pair[0] in place and pair[1] in place]
         self.gaps = np.array([[place[a], place[b]] for a, b in gaps], dtype=int).reshape(-1, 2)
@@ -187,6 +203,17 @@ class LandmarkProblem:
         frames[oval] = np.stack([along, along[:, ::-1] * (-1, 1)], axis=1)
         weights[oval] = settings.oval_weight * np.array([settings.oval_tangential**2, 1.0])
         return frames[self.used], weights[self.used]
+
+    def _lit(self, image: np.ndarray) -> np.ndarray:
+        """Factors (L,) on the weights of landmarks, for the light on them in the photo."""
+        settings = self.settings
+        grey = ndimage.gaussian_filter(image.mean(axis=2), settings.light_blur * self.pixel)
+        place = self.goal[:, ::-1].T - 0.5
+        light = ndimage.map_coordinates(grey, place, order=1, mode="nearest")
+        light = np.maximum(light / max(np.percentile(light, 90), 1e-6), 1e-6)
+        low, high = np.log(settings.dim)
+        part = np.clip((np.log(light) - low) / (high - low), 0, 1)
+        return settings.dark_weight + (1 - settings.dark_weight) * part**2 * (3 - 2 * part)
 
     def start(self) -> State:
         """Scaled rigid alignment of the neutral's landmarks with the detected ones."""
@@ -220,7 +247,7 @@ class LandmarkProblem:
 
     def step(self, state: State, free_shape: bool) -> State:
         """One Gauss-Newton step on the landmarks and the prior; of the pose alone at first."""
-        matrix, gradient = self.equations(state)
+        matrix, gradient, _ = self.equations(state)
         prior, current, low, high = self.prior(state)
         free = slice(None) if free_shape else slice(6)
         matrix[np.diag_indices(len(matrix))] += prior
@@ -229,6 +256,14 @@ class LandmarkProblem:
             matrix[free, free], -(gradient + prior * current)[free], low[free], high[free]
         )
         return state.moved(move)
+
+    def turned(self, state: State, share: float) -> State:
+        """`state` with its yaw times `share`, the middle of the landmarks where it was."""
+        middle = self.neutral.mean(axis=0)
+        yaw = _angles(state.rotation, state.rotation @ middle + state.translation)[1]
+        turn = state.rotation @ Rotation.from_euler("y", (share - 1) * yaw).as_matrix()
+        shift = (state.rotation - turn) @ middle
+        return replace(state, rotation=turn, translation=state.translation + shift)
 
     def prior(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Of the unknowns of a step: the prior's precision, the present value, and bounds."""
@@ -245,7 +280,7 @@ class LandmarkProblem:
         """`state` with the expression, and only that, drawn closer to the landmarks."""
         first = 6 + len(state.identity)
         for _ in range(self.settings.iterations):
-            matrix, gradient = self.equations(state, self.settings.last_deviation)
+            matrix, gradient, _ = self.equations(state, self.settings.last_deviation)
             prior, current, low, high = self.prior(state)
             matrix[np.diag_indices(len(matrix))] += prior
             right = -(gradient + prior * current)
@@ -258,8 +293,8 @@ class LandmarkProblem:
 
     def equations(
         self, state: State, deviation: float | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Gauss-Newton matrix and gradient of the landmarks' cost in a step's unknowns.
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Gauss-Newton matrix and gradient of the landmarks' cost in a step's unknowns; the cost.
 
         deviation: of one landmark coordinate, pixels at 512; the settings' if not given.
         """
@@ -290,12 +325,14 @@ class LandmarkProblem:
         rows = jacobian.reshape(-1, jacobian.shape[2])
         matrix = (rows * weight.reshape(-1, 1)).T @ rows
         gradient = rows.T @ (weight * error).ravel()
+        cost = 0.5 * np.sum(weight * (2 - huber)[:, None] * error**2)
         # The gaps say nothing about the pose.
         rows = across.reshape(-1, across.shape[2])[:, 6:]
         gap_weight = 1 / (settings.gap_deviation * self.pixel) ** 2
         matrix[6:, 6:] += gap_weight * rows.T @ rows
         gradient[6:] += gap_weight * rows.T @ gap_error.ravel()
-        return matrix, gradient
+        cost += 0.5 * gap_weight * np.sum(gap_error**2)
+        return matrix, gradient, float(cost)
 
     def _expected(self, rotation: np.ndarray, world: np.ndarray) -> np.ndarray:
         """Mean error (L, 2), pixels, of the landmarks of a head turned by `rotation`, at `world`.

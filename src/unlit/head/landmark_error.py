@@ -3,8 +3,8 @@
 It sees less turn than there is, and draws the outline where the cheek ends. This can be measured
 without any photo of a person: heads of the default model with random shape, expression, turn, skin
 and light are photographed by path tracing, the landmarker is run, and its points are compared with
-where the model carries them (simulated_errors.py). A polynomial in yaw and pitch describes the
-mean.
+where the model carries them (tools/simulated_errors.py). A polynomial in yaw and pitch describes
+the mean.
 
 Errors are centimetres at the head's distance, x to the right and y down in the picture once the
 head's roll is undone.

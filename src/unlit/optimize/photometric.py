@@ -8,8 +8,9 @@ thousand pixels of plain skin, with the transport renderer's own shading and der
     encode(rho E(n) + rho_s S(n)) = encode(photo),      E, S linear in the light
 
 Landmarks and the model's prior take part as in head/fit.py. Neighbouring pixels err together, so
-all of them count as few independent measurements. Where the light is so even that shading does
-not improve on the landmarks' mesh, that mesh is kept.
+all of them count as few independent measurements. Derivatives hold the shadows where they are, so
+the descent starts from several turns of the head and the lowest cost decides. Where the light is
+so even that shading does not improve on the landmarks' mesh, that mesh is kept.
 """
 
 from __future__ import annotations
@@ -59,13 +60,15 @@ class PhotometricSettings:
         while it holds more than split of the flux and is higher than finest degrees.
     evenness: weight of the pull towards an even light.
     identity_weight: factor on the identity's prior precision.
-    light_steps: with the landmarks' mesh; joint_steps: of everything.
+    turns: shares of the landmarks' yaw to start from where less than `lit` of the landmarks'
+        weight is in the light: with half of the face in shadow the landmarker sees too much yaw.
+    light_steps: with the mesh of a start; joint_steps: of everything.
     damping: Levenberg's, relative to the diagonal.
     directed: so large has to be the mean direction of the light (0: even, 1: one lamp), or the
         landmarks' mesh is kept: under even light nearly all shading is the albedo's.
     """
 
-    samples: int = 1500
+    samples: int = 800
     independent: float = 150.0
     deviation: float = 0.03
     huber: float = 0.06
@@ -78,12 +81,14 @@ class PhotometricSettings:
     cells: int = 12
     split: float = 0.02
     finest: float = 4.0
-    evenness: float = 0.02
+    evenness: float = 0.002
     identity_weight: float = 6.0
+    turns: tuple[float, ...] = (1.0, 0.6, 0.3)
+    lit: float = 0.8
     light_steps: int = 6
     joint_steps: int = 4
     damping: float = 0.05
-    directed: float = 0.17
+    directed: float = 0.2
 
 
 @dataclass(frozen=True)
@@ -150,10 +155,11 @@ class _Photometric:
         reach = 2 * max(1, round(settings.margin * self.unit)) + 1
         bare = regions.skin + regions.lips > 0.9
         bare &= smooth.max(axis=2) < _BRIGHTEST
-        self.bare: Any = ndimage.binary_erosion(bare, np.ones((reach, reach)))
+        # A square's minimum, which unlike `binary_erosion` is taken axis by axis.
+        self.bare: Any = ndimage.minimum_filter(bare, reach, mode="constant")
         self.lips = regions.lips
         self.grid = int(np.ceil(_STATED_RESOLUTION / settings.spacing))
-        self.cells = grid_cells(settings.cells, 2 * settings.cells)
+        self.directions = self.camera.directions().reshape(-1, 3)
         self.jacobian = ShapeJacobian(self.model, self.camera)
         self.mesh: Mesh | None = None
 
@@ -165,20 +171,46 @@ class _Photometric:
             fit.identity.astype(np.float64),
             fit.expression.astype(np.float64),
         )
+        start = self.begin(state)
+        if start is None or self.direction(start[1]) < settings.directed:
+            return fit
+        lowest = self.cost(state, start[2])
+        best = None
+        for turn in settings.turns if self.problem.lit < settings.lit else (1.0,):
+            end = self.descend(self.problem.turned(state, turn))
+            if end is not None and end[1] < lowest:
+                best, lowest = end
+        return fit if best is None else self.problem.fit(best, mouth_closed)
+
+    def begin(self, state: State) -> tuple[_View, _Look, float] | None:
+        """The view of `state`, its light on cells as fine as needed, and the photometric cost."""
+        self.cells = grid_cells(self.settings.cells, 2 * self.settings.cells)
         view = self.view(state)
-        if view is None:
-            return fit
-        look, before = self.lit(view, None)
-        if self.direction(look) < settings.directed:
-            return fit
-        for _ in range(settings.joint_steps):
+        return None if view is None else (view, *self.lit(view, None))
+
+    def descend(self, state: State) -> tuple[State, float] | None:
+        """Where the steps from `state` lead, and the cost there; None where no skin is seen."""
+        if (start := self.begin(state)) is None:
+            return None
+        view, look, _ = start
+        for _ in range(self.settings.joint_steps):
             state, look = self.joint_step(view, look)
             view = self.view(state)
             if view is None:
-                return fit
-        if self.lit(view, look)[1] > before:
-            return fit
-        return self.problem.fit(state, mouth_closed)
+                return None
+        return state, self.cost(state, self.lit(view, look)[1])
+
+    def cost(self, state: State, photometric: float) -> float:
+        """All that is minimised: `photometric`, the landmarks' cost and the prior's."""
+        precision, current = self.prior(state)[:2]
+        of_landmarks = self.problem.equations(state)[2]
+        return photometric + of_landmarks + 0.5 * float(precision @ current**2)
+
+    def prior(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """As the landmarks' problem has it, but the identity is held more tightly."""
+        precision, current, low, high = self.problem.prior(state)
+        precision[6 : 6 + len(state.identity)] *= self.settings.identity_weight
+        return precision, current, low, high
 
     def view(self, state: State) -> _View | None:
         """The mesh at `state` and an even sample of the plain skin it shows; None without any."""
@@ -194,7 +226,7 @@ class _Photometric:
         normal = surface(camera, hits, mesh.vertices, mesh.normals, mesh.triangles)[1].numpy().T
         normals = np.zeros((camera.height * camera.width, 3), dtype=np.float32)
         normals[pixel] = normal
-        cosine = -np.sum(normal * camera.directions().reshape(-1, 3)[pixel], axis=1)
+        cosine = -np.sum(normal * self.directions[pixel], axis=1)
         skin = (self.model.vertex_region <= 1)[self.model.triangles[triangle]].all(axis=1)
         seen = np.flatnonzero(self.bare.ravel()[pixel] & skin & (cosine > self.settings.facing))
         if len(seen) < self.settings.independent:
@@ -270,13 +302,12 @@ class _Photometric:
 
     def joint_step(self, view: _View, look: _Look) -> tuple[State, _Look]:
         """One damped Gauss-Newton step of everything."""
-        problem, state, settings = self.problem, view.state, self.settings
+        problem, state = self.problem, view.state
         system = _System(self, view)
         matrix, gradient, _ = system.equations(look, self.jacobian)
         first = len(matrix) - 6 - len(problem.basis)
         of_landmarks = problem.equations(state)
-        precision, current, low, high = problem.prior(state)
-        precision[6 : 6 + len(state.identity)] *= settings.identity_weight
+        precision, current, low, high = self.prior(state)
         matrix[first:, first:] += of_landmarks[0] + np.diag(precision)
         gradient[first:] += of_landmarks[1] + precision * current
         look, move = system.solve(look, matrix, gradient, low, high)
@@ -308,7 +339,7 @@ class _System:
     def equations(
         self, look: _Look, shape: ShapeJacobian | None
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """Matrix, gradient and photometric cost at `look`; with pose and shape if `shape` is."""
+        """Matrix, gradient and cost at `look`, prior included; with pose and shape if given."""
         settings, view = self.settings, self.view
         rho = _ALBEDO * np.exp(self.columns @ look.albedo)
         rho_s = _SPECULAR * np.exp(look.gloss)
@@ -349,6 +380,7 @@ class _System:
         gradient[: len(precision)] += precision * away
         beyond = settings.huber * (size - 0.5 * settings.huber)
         cost = each * np.where(size < settings.huber, 0.5 * error**2, beyond).sum()
+        cost += 0.5 * np.sum(precision * away**2)
         return matrix, gradient, float(cost)
 
     def _prior(self, look: _Look) -> tuple[np.ndarray, np.ndarray]:

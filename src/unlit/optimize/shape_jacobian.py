@@ -61,7 +61,7 @@ class ShapeJacobian:
         material = np.concatenate([by_turn, np.zeros((len(pixel), 3)), by_shape], axis=1)
         moves = self._moves(state, triangle, weights, position)
         motion = camera_motion(self.camera, position, moves)
-        slope_x, slope_y = (_image_slope(normals, axis).reshape(-1, 3)[pixel] for axis in (1, 0))
+        slope_x, slope_y = (_image_slope(normals, pixel, axis) for axis in (1, 0))
         slide_x, slide_y = (np.sum(gradient * s, axis=1)[:, None] for s in (slope_x, slope_y))
         return material - slide_x * motion[:, 0] - slide_y * motion[:, 1]
 
@@ -110,7 +110,10 @@ class ShapeJacobian:
         return np.concatenate([turn, shift, moved], axis=2)
 
 
-def _image_slope(normals: np.ndarray, axis: int) -> np.ndarray:
-    """Central difference of normals (H, W, 3) along an image axis, 0 across a fold or an edge."""
-    slope = 0.5 * (np.roll(normals, -1, axis) - np.roll(normals, 1, axis))
-    return np.where(np.linalg.norm(slope, axis=2, keepdims=True) > _CREASE, 0, slope)
+def _image_slope(normals: np.ndarray, pixel: np.ndarray, axis: int) -> np.ndarray:
+    """Central difference (N, 3) at `pixel` (N,), row-major and not at the border, of the normals
+    (H, W, 3) along an image axis; 0 across a fold or an edge.
+    """
+    flat, step = normals.reshape(-1, 3), (normals.shape[1], 1)[axis]
+    slope = 0.5 * (flat[pixel + step] - flat[pixel - step])
+    return np.where(np.linalg.norm(slope, axis=1, keepdims=True) > _CREASE, 0, slope)

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from unlit.errors import FaceError
 from unlit.head.eyelids import eyeballs, lids_outside_eyes
-from unlit.head.fit import FitSettings, LandmarkProblem, fit_head
+from unlit.head.fit import FitSettings, LandmarkProblem, State, fit_head
 from unlit.head.landmark_error import NO_ERROR, shipped_error
 from unlit.head.lips import LOWER_RIM, UPPER_RIM, opening, seal_lips
 from unlit.perception.topology import LEFT_LID_GAP, RIGHT_LID_GAP
@@ -68,6 +68,41 @@ def test_the_mean_error_is_taken_off(head, roll):
 
     assert off(fit_head(head, landmarks, centred)) < 1
     assert off(exact(head, landmarks, centred)) > 2
+
+
+def test_landmarks_in_the_dark_count_little(head):
+    """Half a face in shadow, its landmarks drawn to the light: the pose comes from the other."""
+    turn = np.eye(3)
+    landmarks, _ = seen(head, turn, np.array([0, 0, -60.0]))
+    edge = landmarks[4, 0] - 12
+    dark = landmarks[:, 0] < edge
+    landmarks[dark, 0] += 0.3 * (edge - landmarks[dark, 0])
+    image = np.full((512, 512, 3), 0.5, dtype=np.float32)
+    image[:, : int(edge) - 6] = 0.005
+
+    def off(image):
+        problem = LandmarkProblem(head, landmarks, CAMERA, bias=NO_ERROR, image=image)
+        return np.degrees(Rotation.from_matrix(problem.solve().rotation @ turn.T).magnitude())
+
+    assert off(None) > 3
+    assert off(image) < 0.6 * off(None)
+    assert off(np.full_like(image, 0.2)) == pytest.approx(off(None), abs=0.01)
+
+
+def test_turned_by_a_share(head):
+    """Yaw halved, pitch and roll kept, the landmarks' middle where it was."""
+    turn = Rotation.from_euler("ZYX", (5, 30, 4), degrees=True).as_matrix()
+    landmarks, _ = seen(head, turn, np.array([0, 0, -60.0]))
+    centred = replace(CAMERA, cx=256, cy=256)
+    landmarks[:, :2] += (256 - CAMERA.cx, 256 - CAMERA.cy)
+    problem = LandmarkProblem(head, landmarks, centred, bias=NO_ERROR)
+    middle = problem.neutral.mean(axis=0)
+    units = np.zeros(len(head.identity)), np.zeros(len(head.expression))
+    state = State(turn, np.array([0, 0, -60.0]) - turn @ middle, *units)
+    half = problem.turned(state, 0.5)
+    angles = Rotation.from_matrix(half.rotation).as_euler("ZYX", degrees=True)
+    np.testing.assert_allclose(angles, (5, 15, 4), atol=1.5)
+    np.testing.assert_allclose(half.rotation @ middle + half.translation, (0, 0, -60), atol=1e-9)
 
 
 def test_identity_and_expression_help(head):
