@@ -69,8 +69,8 @@ def patch(known: Known, crop: Crop, inside: np.ndarray, skin: np.ndarray) -> np.
     found = inside & (np.hypot(xs - x, ys - y) <= max(1.0, _PATCH * size))
     if not found.any():
         raise SettingsError(
-            f"exposure: the photo's pixel {known.at[0]:g},{known.at[1]:g} is not on the face that "
-            "is measured; choose one on bare skin"
+            f"exposure: the photo's pixel {known.at[0]:g},{known.at[1]:g} is outside the photo or "
+            "not on the face that is measured; choose one on bare skin"
         )
     return found
 

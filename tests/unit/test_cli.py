@@ -210,13 +210,15 @@ def test_a_signal_during_an_import_is_not_lost(tmp_path, number):
         "from unlit import cli\n"
         "def run(options):\n"
         "    import swallows\n"
-        "    time.sleep(10)\n"
+        "    time.sleep(60)\n"
         "    return 0\n"
         "cli.doctor.run = run\n"
         "sys.exit(cli.main(['doctor']))\n"
     )
     command = [sys.executable, "-c", code, str(int(number))]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=50
+    )
     assert (done.returncode, done.stdout) == (128 + number, "loaded\n")
     assert len(done.stderr.splitlines()) == 1
     assert "nothing half-written is left" in done.stderr

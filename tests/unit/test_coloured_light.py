@@ -73,8 +73,8 @@ def test_an_image_as_if_white_stays_the_image_itself():
     ("said", "message"),
     [
         ({"light_color": "900,5"}, "900,5: outside the photo, which has 32 x 32 pixels"),
-        ({"exposure": "900,5=0.4"}, "900,5 is not on the face"),
-        ({"exposure": "1,1=0.4"}, "1,1 is not on the face"),
+        ({"exposure": "900,5=0.4"}, "900,5 is outside the photo or not on"),
+        ({"exposure": "1,1=0.4"}, "1,1 is outside the photo or not on"),
         ({"exposure": "500lux"}, "does not tell its exposure time"),
     ],
 )

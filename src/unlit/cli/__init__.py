@@ -52,7 +52,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     with contextlib.suppress(ValueError):  # not in the main thread
         for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, _end)
+            if signal.getsignal(number) != signal.SIG_IGN:  # as for a script's background jobs
+                signal.signal(number, _end)
     options = argparse.Namespace(again="")
     try:
         _parser().parse_args(arguments, options)
@@ -124,7 +125,8 @@ def _end(number: int, frame: FrameType | None) -> None:
     There an extension module may swallow it, or crash on it; so the signal comes again later.
     """
     if _importing(frame):
-        later = threading.Timer(_LATER_SECONDS, signal.raise_signal, (number,))
+        main_thread = threading.main_thread().ident
+        later = threading.Timer(_LATER_SECONDS, signal.pthread_kill, (main_thread, number))
         later.daemon = True
         later.start()
     elif number == signal.SIGINT:

@@ -180,11 +180,11 @@ class LandmarkProblem:
         self.basis = np.concatenate([carried(model.identity), carried(model.expression)])
         self.frames, self.weights = self._trust()
         #: Share of the weight that is left of the landmarks for the light on them.
-        self.lit = 1.0
+        self.lit_share = 1.0
         if image is not None:
             whole = self.weights.sum()
-            self.weights = self.weights * self._lit(image)[:, None]
-            self.lit = float(self.weights.sum() / whole)
+            self.weights = self.weights * self._light_weight(image)[:, None]
+            self.lit_share = float(self.weights.sum() / whole)
         place = {int(landmark): index for index, landmark in enumerate(self.used)}
         gaps = [pair for pair in _GAPS if pair[0] in place and pair[1] in place]
         self.gaps = np.array([[place[a], place[b]] for a, b in gaps], dtype=int).reshape(-1, 2)
@@ -204,8 +204,11 @@ class LandmarkProblem:
         weights[oval] = settings.oval_weight * np.array([settings.oval_tangential**2, 1.0])
         return frames[self.used], weights[self.used]
 
-    def _lit(self, image: np.ndarray) -> np.ndarray:
-        """Factors (L,) on the weights of landmarks, for the light on them in the photo."""
+    def _light_weight(self, image: np.ndarray) -> np.ndarray:
+        """Factors (L,) on the weights of landmarks, for the light on them in the photo.
+
+        Judged by brightness alone: brows, beards and eyes count as darker than they are lit.
+        """
         settings = self.settings
         grey = ndimage.gaussian_filter(image.mean(axis=2), settings.light_blur * self.pixel)
         place = self.goal[:, ::-1].T - 0.5

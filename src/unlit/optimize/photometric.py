@@ -60,8 +60,9 @@ class PhotometricSettings:
         while it holds more than split of the flux and is higher than finest degrees.
     evenness: weight of the pull towards an even light.
     identity_weight: factor on the identity's prior precision.
-    turns: shares of the landmarks' yaw to start from where less than `lit` of the landmarks'
-        weight is in the light: with half of the face in shadow the landmarker sees too much yaw.
+    turns: shares of the landmarks' yaw to start from where less than `least_lit` of the
+        landmarks' weight is in the light: with half of the face in shadow the landmarker sees too
+        much yaw.
     light_steps: with the mesh of a start; joint_steps: of everything.
     damping: Levenberg's, relative to the diagonal.
     directed: so large has to be the mean direction of the light (0: even, 1: one lamp), or the
@@ -84,7 +85,7 @@ class PhotometricSettings:
     evenness: float = 0.002
     identity_weight: float = 6.0
     turns: tuple[float, ...] = (1.0, 0.6, 0.3)
-    lit: float = 0.8
+    least_lit: float = 0.8
     light_steps: int = 6
     joint_steps: int = 4
     damping: float = 0.05
@@ -176,7 +177,7 @@ class _Photometric:
             return fit
         lowest = self.cost(state, start[2])
         best = None
-        for turn in settings.turns if self.problem.lit < settings.lit else (1.0,):
+        for turn in settings.turns if self.problem.lit_share < settings.least_lit else (1.0,):
             end = self.descend(self.problem.turned(state, turn))
             if end is not None and end[1] < lowest:
                 best, lowest = end
@@ -186,7 +187,7 @@ class _Photometric:
         """The view of `state`, its light on cells as fine as needed, and the photometric cost."""
         self.cells = grid_cells(self.settings.cells, 2 * self.settings.cells)
         view = self.view(state)
-        return None if view is None else (view, *self.lit(view, None))
+        return None if view is None else (view, *self.solve_light(view, None))
 
     def descend(self, state: State) -> tuple[State, float] | None:
         """Where the steps from `state` lead, and the cost there; None where no skin is seen."""
@@ -198,7 +199,7 @@ class _Photometric:
             view = self.view(state)
             if view is None:
                 return None
-        return state, self.cost(state, self.lit(view, look)[1])
+        return state, self.cost(state, self.solve_light(view, look)[1])
 
     def cost(self, state: State, photometric: float) -> float:
         """All that is minimised: `photometric`, the landmarks' cost and the prior's."""
@@ -267,7 +268,7 @@ class _Photometric:
         chroma = chroma[pixel] - np.median(chroma[self.bare.ravel()], axis=0)
         return np.concatenate([columns, chroma, self.lips.ravel()[pixel, None]], axis=1)
 
-    def lit(self, view: _View, look: _Look | None) -> tuple[_Look, float]:
+    def solve_light(self, view: _View, look: _Look | None) -> tuple[_Look, float]:
         """Light, albedo and gloss solved for on the mesh of `view`; the photometric cost."""
         steps = self.settings.light_steps if look is None else 2
         system = None

@@ -163,13 +163,13 @@ def form_factors(mesh: Mesh, points: Points, seen: np.ndarray, count: int = 256)
 class Gloss:
     """What the rays bring of the highlights that one light makes on the face.
 
-    diffuse, specular: sparse (V, V), one for each channel of the light: from the vertices' specular
+    to_e, to_s: sparse (V, V), one for each channel of the light: from the vertices' specular
     albedo to E and S at the vertices; none where no ray ends on the face. flux: (D,) or (D, 3),
     radiance times solid angle of the light it holds for.
     """
 
-    diffuse: list[sparse.csr_matrix]
-    specular: list[sparse.csr_matrix]
+    to_e: list[sparse.csr_matrix]
+    to_s: list[sparse.csr_matrix]
     flux: np.ndarray
 
     def change(self, flux: np.ndarray) -> float:
@@ -182,10 +182,10 @@ class Gloss:
 
         rho_s: (V, 1) specular albedo of the vertices.
         """
-        if not self.diffuse:
+        if not self.to_e:
             return 0.0, 0.0
         gain = float(flux.sum()) / max(float(self.flux.sum()), 1e-20)
-        e, s = (np.hstack([m @ rho_s for m in lobe]) for lobe in (self.diffuse, self.specular))
+        e, s = (np.hstack([m @ rho_s for m in lobe]) for lobe in (self.to_e, self.to_s))
         return gain * e, gain * s
 
 
