@@ -183,9 +183,9 @@ def override(settings: Settings, changes: dict[str, Any]) -> Settings:
         raise SettingsError(f"resolution={settings.resolution}: choose 256 to 2048 pixels")
     illuminant.parse(settings.light_color)
     exposure.parse(settings.exposure)
-    for name in ("light_points", "refresh_interval"):
-        if getattr(settings, name) < 1:
-            raise SettingsError(f"{name}={getattr(settings, name)}: must be 1 or more")
+    for name, least in (("light_points", 1), ("refresh_interval", 1), ("bounces", 0)):
+        if getattr(settings, name) < least:
+            raise SettingsError(f"{name}={getattr(settings, name)}: must be {least} or more")
     if not 0 <= settings.rate_hold < 1:
         raise SettingsError(f"rate_hold={settings.rate_hold}: must be at least 0 and below 1")
     for name, stage in zip(TABLE_1, settings.stages(), strict=True):

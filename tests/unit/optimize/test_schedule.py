@@ -56,6 +56,8 @@ def test_override_by_dotted_name() -> None:
         ({"stage1.iterations": 2.5}, ["stage1.iterations", "2.5", "int"]),
         ({"stage1.iterations": -1}, ["stage1.iterations", "-1"]),
         ({"resolution": 100}, ["resolution=100", "256", "2048"]),
+        ({"bounces": -1}, ["bounces=-1", "0 or more"]),
+        ({"refresh_interval": 0}, ["refresh_interval=0", "1 or more"]),
         ({"clip": None}, ["clip", "None", "float"]),
         ({"stage1.iterations": "inf"}, ["stage1.iterations", "inf"]),
         ({"clip": "nan"}, ["clip", "nan"]),
