@@ -15,6 +15,7 @@ so even that shading does not improve on the landmarks' mesh, that mesh is kept.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -60,7 +61,7 @@ class PhotometricSettings:
         while it holds more than split of the flux and is higher than finest degrees.
     evenness: weight of the pull towards an even light.
     identity_weight: factor on the identity's prior precision.
-    turns: shares of the landmarks' yaw to start from where less than `least_lit` of the
+    turns: shares of the landmarks' yaw to start from, too, where less than `least_lit` of the
         landmarks' weight is in the light: with half of the face in shadow the landmarker sees too
         much yaw.
     light_steps: with the mesh of a start; joint_steps: of everything.
@@ -84,7 +85,7 @@ class PhotometricSettings:
     finest: float = 4.0
     evenness: float = 0.002
     identity_weight: float = 6.0
-    turns: tuple[float, ...] = (1.0, 0.6, 0.3)
+    turns: tuple[float, ...] = (0.6, 0.3)
     least_lit: float = 0.8
     light_steps: int = 6
     joint_steps: int = 4
@@ -177,8 +178,11 @@ class _Photometric:
             return fit
         lowest = self.cost(state, start[2])
         best = None
-        for turn in settings.turns if self.problem.lit_share < settings.least_lit else (1.0,):
-            end = self.descend(self.problem.turned(state, turn))
+        turns = settings.turns if self.problem.lit_share < settings.least_lit else ()
+        # One at a time: the cells of the light are those of the start that was begun last.
+        others = (self.begin(self.problem.turned(state, turn)) for turn in turns)
+        for begun in itertools.chain([start], others):
+            end = None if begun is None else self.descend(*begun[:2])
             if end is not None and end[1] < lowest:
                 best, lowest = end
         return fit if best is None else self.problem.fit(best, mouth_closed)
@@ -189,17 +193,14 @@ class _Photometric:
         view = self.view(state)
         return None if view is None else (view, *self.solve_light(view, None))
 
-    def descend(self, state: State) -> tuple[State, float] | None:
-        """Where the steps from `state` lead, and the cost there; None where no skin is seen."""
-        if (start := self.begin(state)) is None:
-            return None
-        view, look, _ = start
+    def descend(self, view: _View, look: _Look) -> tuple[State, float] | None:
+        """Where the steps from a start lead, and the cost there; None where no skin is seen."""
         for _ in range(self.settings.joint_steps):
             state, look = self.joint_step(view, look)
-            view = self.view(state)
-            if view is None:
+            if (seen := self.view(state)) is None:
                 return None
-        return state, self.cost(state, self.solve_light(view, look)[1])
+            view = seen
+        return view.state, self.cost(view.state, self.solve_light(view, look)[1])
 
     def cost(self, state: State, photometric: float) -> float:
         """All that is minimised: `photometric`, the landmarks' cost and the prior's."""
