@@ -1,9 +1,10 @@
-"""The gain that albedo and light share: no photo of a face tells it, but its user may.
+"""The gain that albedo and light share: its user may tell what the photo hardly does.
 
-Albedo times g and light divided by g give the same picture. The stages settle it by a convention
-(`optimize.stages.exposed`), which albedo may exceed; here the finished estimate is brought back to
-what is possible, or to what is known: the albedo of a patch, or of the whole skin, or the
-illuminance that was measured where the face is lit best.
+Albedo times g and light divided by g give the same picture but for what the face reflects onto
+itself, for which a known albedo takes part in the stages (docs/method.md, 9). The stages settle the
+gain by a convention (`optimize.stages.exposed`), which albedo may exceed; here the finished
+estimate is brought back to what is possible, or to what is known: the albedo of a patch, or of the
+whole skin, or the illuminance that was measured where the face is lit best.
 """
 
 from __future__ import annotations
@@ -100,10 +101,11 @@ def within_one(albedo: np.ndarray) -> float:
     return 1 / max(1.0, float(np.percentile(albedo.max(axis=1), 99.9)))
 
 
-def gain(known: Known, albedo: np.ndarray, full: float, unit: float | None) -> float:
+def gain(known: Known, albedo: np.ndarray, full: float = 1.0, unit: float | None = None) -> float:
     """What albedo is to be multiplied with, and light divided by.
 
-    albedo: (N, 3) diffuse, of the patch. full: `full_light` of the face. unit: `Photo.unit`.
+    albedo: (N, 3) diffuse, of the patch. full: `full_light` of the face, and unit: `Photo.unit`,
+    both for lux alone.
     """
     if known.lux is not None and unit is not None:
         return np.pi * full * unit / known.lux

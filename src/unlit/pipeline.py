@@ -438,7 +438,10 @@ def _shade(problem: Problem, shading: Shading, estimate: Estimate) -> tuple[np.n
 
 
 def _pin(capture: Capture, problem: Problem) -> Callable[[np.ndarray, np.ndarray], float]:
-    """What finds the gain that the settings ask for, from diffuse albedo and E (S, S, 3)."""
+    """What finds the gain that the settings ask for, from diffuse albedo and E (S, S, 3).
+
+    A known albedo is told to the problem, too.
+    """
     known = exposure.parse(problem.settings.exposure)
     if known == exposure.Known():
         return lambda albedo, _: exposure.within_one(_rows(problem, albedo))
@@ -451,6 +454,8 @@ def _pin(capture: Capture, problem: Problem) -> Callable[[np.ndarray, np.ndarray
         full = exposure.full_light(e[inside] * capture.light_color)
         return exposure.gain(known, albedo[where], full, capture.unit)
 
+    if known.albedo is not None:
+        problem.known_gain = lambda albedo: exposure.gain(known, albedo[where])
     return pin
 
 

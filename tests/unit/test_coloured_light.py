@@ -14,6 +14,7 @@ from unlit.findings import findings
 from unlit.output import load, save
 from unlit.photo import Photo
 from unlit.pipeline import reconstruct, solve, with_light_color
+from unlit.render.bounce import BounceUnder
 
 #: Dividing by powers of two is exact.
 COLOR = np.array([1, 0.5, 0.25], np.float32)
@@ -97,17 +98,37 @@ def test_the_skin_gets_the_albedo_that_is_known(pinned):
     assert luminance(pinned.diffuse_albedo[skin]).mean() == pytest.approx(0.2, rel=1e-4)
 
 
-def test_albedo_and_light_share_one_gain(white, pinned):
+def test_albedo_and_light_share_one_gain(white):
     """Reflectance goes up by it, light comes down, and the picture stays."""
+    measured = replace(tiny_run.capture(), unit=1000.0)
+    lit = solve(measured, tiny_run.head(), tiny_run.settings(exposure="2400lux"))
     inside = white.mask > 0
     for name in ("diffuse_albedo", "specular_albedo"):
-        ratio = getattr(pinned, name)[inside] / getattr(white, name)[inside]
-        np.testing.assert_allclose(ratio, pinned.gain, rtol=1e-4)
-    assert abs(np.log(pinned.gain)) > 0.2
-    ratio = pinned.light.amplitude / white.light.amplitude * pinned.gain
+        ratio = getattr(lit, name)[inside] / getattr(white, name)[inside]
+        np.testing.assert_allclose(ratio, lit.gain, rtol=1e-4)
+    assert abs(np.log(lit.gain)) > 0.2
+    ratio = lit.light.amplitude / white.light.amplitude * lit.gain
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-4)
     np.testing.assert_allclose(ratio[0], 1, atol=0.1)
-    np.testing.assert_allclose(pinned.render, white.render, rtol=0.05, atol=1e-3)
+    np.testing.assert_allclose(lit.render, white.render, rtol=0.05, atol=1e-3)
+
+
+def test_a_known_albedo_takes_part_in_inter_reflection(monkeypatch):
+    """What the face reflects onto itself is always that of the albedo that is said."""
+    shown = []
+    original = BounceUnder.shade
+
+    def watched(self, radiance, maps, gloss=None):
+        shown.append(maps.diffuse_albedo)
+        return original(self, radiance, maps, gloss)
+
+    monkeypatch.setattr(BounceUnder, "shade", watched)
+    seen = tiny_run.capture()
+    tiny_run.run(chosen=tiny_run.settings(exposure="skin=0.2"))
+    skin = seen.regions.skin > 0.5
+    known = [float(luminance(albedo[skin]).mean()) for albedo in shown]
+    assert len(known) > 10
+    np.testing.assert_allclose(known, 0.2, rtol=0.05)
 
 
 def test_its_own_light_gives_the_pinned_render(pinned):

@@ -116,6 +116,9 @@ class Problem:
         self.camera = evidence.camera
         #: Stage name -> (iteration, loss) pairs.
         self.history: dict[str, list[tuple[int, float]]] = {}
+        #: Of diffuse albedo (H, W, 3): the gain that makes it what is known of it, where the user
+        #: says so. Albedo as it is gives the picture, but inter-reflection needs the true one.
+        self.known_gain: Callable[[np.ndarray], float] | None = None
         self.mesh = Mesh(evidence.vertices, evidence.triangles)
         hits = self.mesh.camera_hits(self.camera)
         seen = hits.pixel.numpy()
@@ -227,6 +230,8 @@ class Shading:
 
     def update(self, radiance: np.ndarray, maps: Maps) -> None:
         """Bring the indirect light up to date with the light's cell means (D,) and the maps."""
+        if self.problem.known_gain is not None:
+            maps = maps.brightened(self.problem.known_gain(maps.diffuse_albedo))
         change = self.problem.settings.gloss_change
         flux = self.directions.flux(radiance)
         if self.gloss is None or self.gloss.change(flux) > change:

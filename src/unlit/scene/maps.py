@@ -37,6 +37,13 @@ class Maps:
         """The perturbation of the diffuse normal, (H, W, 3): the specular one, blurred."""
         return blur(self.perturbation, DIFFUSE_BLUR)
 
+    def brightened(self, gain: float) -> Maps:
+        """Both albedos times `gain`."""
+        diffuse, specular = (
+            x * np.float32(gain) for x in (self.diffuse_albedo, self.specular_albedo)
+        )
+        return replace(self, diffuse_albedo=diffuse, specular_albedo=specular)
+
     def without_specular(self) -> Maps:
         """The same face with its specular lobe switched off."""
         return replace(self, specular_albedo=np.zeros_like(self.specular_albedo))
