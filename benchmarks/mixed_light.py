@@ -1,0 +1,157 @@
+"""What a light of its own for each channel would bring: the experiment behind docs/method.md, 6.1.
+
+    python benchmarks/mixed_light.py [--subjects LIST]
+
+Subjects of known truth are photographed in lights of two colours that are white together, by path
+tracing, and reconstructed on their true mesh (`draft`) in two ways: with the one white light of the
+method; and channel by channel, each a grey photo with lobes of its own, put together so that the
+three lights have the same flux. Per way: albedo's PSNR (dB, sRGB, inside the face without the eyes)
+and mean angle to the truth in RGB (degrees), and PSNR relit by a white flash and a white uniform
+light, each after one gain / after one gain for each channel. The second figure leaves out what a
+single colour for all of the light explains.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from subjects import SHARED, standard
+
+import unlit
+from unlit.evaluate.command import light
+from unlit.evaluate.metrics import best_gain
+from unlit.evaluate.protocol import Known
+from unlit.evaluate.table import Table, markdown
+from unlit.optimize.schedule import PRESETS
+from unlit.photo import Photo
+from unlit.pictures import read_picture
+from unlit.pipeline import Capture, Head, observe, solve
+from unlit.psnr import psnr
+from unlit.reconstruction import Reconstruction
+from unlit.scene.light import RASTER, disc, latlong_solid_angles
+
+SIZE = 256
+SETTINGS = replace(PRESETS["draft"], resolution=SIZE)
+WHITE = {name: light(name).environment for name in ("flash", "uniform")}
+_EXPOSED = 0.8
+
+
+def two_lamps() -> np.ndarray:
+    """A warm lamp to one side, a cold one to the other, and a little even white: (180, 360, 3)."""
+    warm, cold = (disc((side, 0.2, 0.56), 0.8, 20)[..., None] for side in (0.8, -0.8))
+    return warm * np.float32([1.5, 1, 0.5]) + cold * np.float32([0.5, 1, 1.5]) + np.float32(0.05)
+
+
+def sky(name: str) -> np.ndarray:
+    """A photographed environment (180, 360, 3), its mean made white."""
+    radiance = read_picture(SHARED / "data/hdri" / name)
+    height, width = RASTER
+    radiance = cv2.resize(radiance, (width, height), interpolation=cv2.INTER_AREA)
+    weight = latlong_solid_angles(height, width)[..., None]
+    return (radiance * (weight.sum() / (radiance * weight).sum(axis=(0, 1)))).astype(np.float32)
+
+
+def lights() -> dict[str, Callable[[], np.ndarray]]:
+    """By name; the skies need the licensed test data."""
+    found: dict[str, Callable[[], np.ndarray]] = {"two lamps": two_lamps}
+    if (SHARED / "data/hdri").is_dir():
+        found["sunset"] = lambda: sky("venice_sunset_1k.hdr")
+        found["street"] = lambda: sky("potsdamer_platz_1k.hdr")
+    return found
+
+
+def photograph(subject: Known, environment: np.ndarray) -> np.ndarray:
+    """(H, W, 3) linear, under a light of any colours."""
+    channels = [np.ascontiguousarray(environment[..., c]) for c in range(3)]
+    image = np.stack([subject.photograph(e, 128)[..., c] for c, e in enumerate(channels)], axis=2)
+    return image * np.float32(_EXPOSED / np.percentile(image[subject.truth.seen], 99))
+
+
+Way = tuple[np.ndarray, dict[str, np.ndarray]]  # albedo; the face by white light
+
+
+def one_light(capture: Capture, head: Head) -> tuple[Way, Reconstruction]:
+    face = solve(capture, head, SETTINGS)
+    return (face.diffuse_albedo, {x: face.relight(e) for x, e in WHITE.items()}), face
+
+
+def light_of_each_channel(capture: Capture, head: Head) -> Way:
+    faces = []
+    for channel in range(3):
+        grey = np.repeat(capture.image[..., channel : channel + 1], 3, axis=2)
+        faces.append(solve(replace(capture, image=grey), head, SETTINGS))
+    area = latlong_solid_angles(*RASTER)
+    flux = np.array([(face.light.rasterize() * area).sum() for face in faces])
+    gains = flux / flux.mean()
+
+    def together(images: list[np.ndarray]) -> np.ndarray:
+        return np.stack([x[..., 0] * g for x, g in zip(images, gains, strict=True)], axis=2)
+
+    relit = {x: together([face.relight(e) for face in faces]) for x, e in WHITE.items()}
+    return together([face.diffuse_albedo for face in faces]), relit
+
+
+def figures(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> tuple[list[float], float]:
+    """PSNR after one gain and after three; the angle after three, since one changes none."""
+    each = [best_gain(image[..., c : c + 1], truth[..., c : c + 1], mask) for c in range(3)]
+    found = [psnr(image * g, truth, mask) for g in (best_gain(image, truth, mask), np.array(each))]
+    return found, _angle(image * np.array(each), truth, mask)
+
+
+def _angle(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
+    a, b = image[mask], truth[mask]
+    cosine = (a * b).sum(axis=1) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
+    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean())
+
+
+def rows(name: str, subject: Known) -> list[tuple[str, ...]]:
+    """The table's lines of one subject."""
+    head = Head.of_mesh(*subject.mesh())
+    truth = subject.truth
+    by_white = {x: subject.photograph(e, 128) for x, e in WHITE.items()}
+    found = []
+    for label, make in lights().items():
+        image = photograph(subject, make())
+        capture = observe(Photo.of(image.astype(np.float32), name), SIZE, camera=subject.camera)
+        white, face = one_light(capture, head)
+        mask = truth.seen & (face.mask > 0.5) & (capture.regions.eyes < 0.3)
+        ways = {
+            "one white light": white,
+            "one for each channel": light_of_each_channel(capture, head),
+        }
+        for way, (albedo, relit) in ways.items():
+            (one, three), angle = figures(albedo, truth.diffuse_albedo, mask)
+            cells = [f"{one:.1f} / {three:.1f}"]
+            cells.append(f"{_angle(albedo, truth.diffuse_albedo, mask):.1f} / {angle:.1f}")
+            for light_name, picture in relit.items():
+                one, three = figures(picture, by_white[light_name], mask)[0]
+                cells.append(f"{one:.1f} / {three:.1f}")
+            found.append((name, label, way, *cells))
+            print(*found[-1], sep=" | ", file=sys.stderr, flush=True)
+    return found
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--subjects", help="comma-separated; default all there are")
+    options = parser.parse_args(arguments)
+    subjects = standard(SIZE)
+    chosen = options.subjects.split(",") if options.subjects else list(subjects)
+    if unknown := set(chosen) - set(subjects):
+        parser.error(f"no such subject here: {', '.join(sorted(unknown))}; {', '.join(subjects)}")
+    body = [row for name in chosen for row in rows(name, subjects[name]())]
+    heading = ("subject", "light", "way", "albedo", "angle", *(f"relit {x}" for x in WHITE))
+    facts = [f"unlit {unlit.__version__}, {SIZE} x {SIZE} pixels, preset draft, true mesh"]
+    print(markdown("Light of two colours", facts, [Table("", heading, tuple(body))]))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
