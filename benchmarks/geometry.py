@@ -1,7 +1,7 @@
 """How good the fitted mesh is, on heads whose surface is known (docs/geometry.md).
 
     python benchmarks/geometry.py [--people LIST] [--lights LIST] [--model FILE] [--seeds N]
-                                  [--quick] -o DIR
+                                  [--relight] [--quick] -o DIR
     python benchmarks/quality.py --geometry ...        the same
 
 Every head is photographed by path tracing under each light, and the head model is fitted to the
@@ -10,7 +10,10 @@ median, degrees) and the error of depth after one scale (mm) inside the face wit
 and inner mouth; the angle between the two heads' axes of symmetry (degrees), which says how far
 their turn is off whatever their shapes; the landmarks' residual (% of the eye distance). With
 --seeds every photo is taken N times with other noise, and the figures are means; `normal_spread` is
-the largest less the smallest mean angle of the N.
+the largest less the smallest mean angle of the N. With --relight the five stages (`draft`) run on
+three of the fits, and on the last one without stage 3, too: PSNR (dB, sRGB, inside the face, after
+one gain) of the head relit by all lights, and the mesh's and the specular normals' mean angle after
+the stages. That takes about a minute for each photo.
 
 DIR gets geometry.md, geometry.json, a picture of the errors for each head, and in DIR/steps the
 photos, so that a second run takes half a second a photo. Settings are chosen on the people marked
@@ -38,26 +41,34 @@ from threadpoolctl import threadpool_limits
 
 from unlit.color import encode_srgb
 from unlit.evaluate.command import light
+from unlit.evaluate.metrics import best_gain
 from unlit.evaluate.protocol import Known, Light, Shot, Study
 from unlit.evaluate.store import Store
 from unlit.evaluate.subject import visible_surface
 from unlit.evaluate.table import Table, markdown
 from unlit.fingerprint import key
 from unlit.head.fit import FitSettings, HeadFit, LandmarkProblem
+from unlit.head.landmark_error import NO_ERROR
 from unlit.head.model import HeadModel, default_model
 from unlit.optimize.photometric import photometric_fit
-from unlit.optimize.schedule import PRESETS
+from unlit.optimize.schedule import PRESETS, Settings
 from unlit.output import write_one
 from unlit.output.images import png
 from unlit.perception.topology import FACE_OVAL, LEFT_EYE, LIPS_INNER, RIGHT_EYE
 from unlit.photo import Photo
-from unlit.pipeline import Capture, observe
+from unlit.pipeline import Capture, Head, observe, solve
+from unlit.psnr import psnr
 
 SIZE = 256
 SKY = SHARED / "data/hdri/lebombo_1k.hdr"
 LIGHTS = ("uniform", "flash", "side", "sky")
 QUICK = ("own-41", "ict-22", "scan-20")
-#: All 478 points, each trusted to 1.5 pixels of 512: what a landmark fit should not do.
+STAGES = replace(PRESETS["draft"], resolution=SIZE)
+WITHOUT_3 = replace(STAGES, stage3=replace(STAGES.stage3, iterations=0))
+_SUFFIX = "_without_stage_3"
+#: Ways of fitting that --relight goes on from; the last one without stage 3, too.
+RELIT = ("mean head", "landmarks", "photometric")
+#: What a landmark fit should not do.
 TIGHT = FitSettings(oval_weight=1, other_weight=1, deviation=1.5, huber=30, last_deviation=1.5)
 #: Pairs of landmarks around the nostrils, and the radius about their middle, pixels of 512.
 _NOSTRILS, _NOSTRIL = ((98, 97), (327, 326)), 6.0
@@ -123,7 +134,10 @@ def people() -> dict[str, Person]:
 
 @dataclass(frozen=True)
 class Case:
-    """One photo of a person. mask: where errors count. position, normal: (H, W, 3), the truth."""
+    """One photo of a person, among those under all lights, `shots`.
+
+    mask: where errors count. position, normal: (H, W, 3), the truth.
+    """
 
     name: str
     light: str
@@ -132,6 +146,7 @@ class Case:
     mask: np.ndarray
     position: np.ndarray
     normal: np.ndarray
+    shots: tuple[Shot, ...]
 
 
 def cases(
@@ -152,11 +167,12 @@ def cases(
         samples=64,
         seed=seed,
     )
-    captures = {shot.light.name: _capture(name, shot, subject) for shot in study.shots()}
+    shots = study.shots()
+    captures = {shot.light.name: _capture(name, shot, subject) for shot in shots}
     position, normal = visible_surface(*_welded(vertices, triangles), subject.camera)
     mask = face(captures["uniform"].landmarks[:, :2], size) & (normal != 0).any(axis=2)
     return [
-        Case(name, x, person.yaw, captures[x], mask, position, normal)
+        Case(name, x, person.yaw, captures[x], mask, position, normal, shots)
         for x in lights
         if x in captures
     ]
@@ -215,11 +231,16 @@ def mean_head(model: HeadModel, capture: Capture) -> HeadFit:
     return problem.posed(state, model.vertices(state.identity, state.expression))
 
 
-def landmark_fit(settings: FitSettings) -> Fitter:
-    """To the landmarks alone."""
-    return lambda model, capture: LandmarkProblem(
-        model, capture.landmarks, capture.camera, settings, image=capture.image
-    ).solve(_closed(capture))
+def tight_fit(model: HeadModel, capture: Capture) -> HeadFit:
+    """To all landmarks as the landmarker gives them, trusted to 1.5 pixels of 512."""
+    problem = LandmarkProblem(model, capture.landmarks, capture.camera, TIGHT, NO_ERROR)
+    return problem.solve(_closed(capture))
+
+
+def landmark_fit(model: HeadModel, capture: Capture) -> HeadFit:
+    """To the landmarks alone, as `shading_fit` starts."""
+    problem = LandmarkProblem(model, capture.landmarks, capture.camera, image=capture.image)
+    return problem.solve(_closed(capture))
 
 
 def shading_fit(model: HeadModel, capture: Capture) -> HeadFit:
@@ -232,8 +253,8 @@ def shading_fit(model: HeadModel, capture: Capture) -> HeadFit:
 
 FITTERS: dict[str, Fitter] = {
     "mean head": mean_head,
-    "tight": landmark_fit(TIGHT),
-    "landmarks": landmark_fit(FitSettings()),
+    "tight": tight_fit,
+    "landmarks": landmark_fit,
     "photometric": shading_fit,
 }
 
@@ -249,9 +270,8 @@ class Found:
 def judge(case: Case, model: HeadModel, fit: HeadFit, seconds: float) -> Found:
     """The errors that the module's docstring names."""
     position, normal = visible_surface(fit.vertices, model.triangles, case.capture.camera)
-    seen = case.mask & (normal != 0).any(axis=2)
-    cosine = np.clip((normal * case.normal).sum(axis=2), -1, 1)
-    error = np.where(seen, np.degrees(np.arccos(cosine)), np.nan)
+    error = _degrees(case, normal)
+    seen = np.isfinite(error)
     ours, true = -position[seen][:, 2], -case.position[seen][:, 2]
     scale = np.median(true / ours)
     yaw = np.radians(case.yaw)
@@ -270,14 +290,41 @@ def judge(case: Case, model: HeadModel, fit: HeadFit, seconds: float) -> Found:
     return Found({name: round(float(x), 3) for name, x in figures.items()}, error)
 
 
-def run(case: Case, model: HeadModel, fitters: dict[str, Fitter] | None = None) -> dict[str, Found]:
-    """Every way of fitting on one photo."""
+def _degrees(case: Case, normal: np.ndarray) -> np.ndarray:
+    """(H, W): angle of normals (H, W, 3), 0 where there is none, to the truth; NaN outside."""
+    seen = case.mask & (normal != 0).any(axis=2)
+    cosine = np.clip((normal * case.normal).sum(axis=2), -1, 1)
+    return np.where(seen, np.degrees(np.arccos(cosine)), np.nan)
+
+
+def relit(case: Case, model: HeadModel, fit: HeadFit, settings: Settings) -> dict[str, float]:
+    """What the stages make of the fit: PSNR under each light, mean angles of mesh and map."""
+    face = solve(case.capture, Head.of_fit(model, fit), settings)
+    mask = (face.mask > 0.5) & (case.normal != 0).any(axis=2)
+    figures = {}
+    for shot in case.shots:
+        image = face.relight(shot.light.environment)
+        gain = best_gain(image, shot.image, mask)
+        figures[f"relit_{shot.light.name}"] = psnr(image * gain, shot.image, mask)
+    mesh = visible_surface(face.vertices, face.triangles, face.camera)[1]
+    figures["mesh_after"] = np.nanmean(_degrees(case, mesh))
+    figures["map_after"] = np.nanmean(_degrees(case, face.specular_normal))
+    return {name: round(float(x), 3) for name, x in figures.items()}
+
+
+def run(case: Case, model: HeadModel, relight: bool = False) -> dict[str, Found]:
+    """Every way of fitting on one photo; relight: and the stages on it."""
     found = {}
-    for name, fitter in (fitters or FITTERS).items():
+    for name, fitter in FITTERS.items():
         start = time.process_time()
         with threadpool_limits(1, user_api="blas"):
             fit = fitter(model, case.capture)
         found[name] = judge(case, model, fit, time.process_time() - start)
+        if relight and name in RELIT:
+            found[name].figures.update(relit(case, model, fit, STAGES))
+        if relight and name == RELIT[-1]:
+            without = relit(case, model, fit, WITHOUT_3)
+            found[name].figures.update({f"{x}{_SUFFIX}": y for x, y in without.items()})
     return found
 
 
@@ -353,6 +400,35 @@ def tables(results: Results, tuned: dict[str, bool]) -> list[Table]:
     return [halves, every]
 
 
+def relighting_tables(results: Results) -> list[Table]:
+    """By kind of head and input light: PSNR under every light, mean and worst; angles after."""
+    columns = [*((way, "") for way in RELIT), (RELIT[-1], _SUFFIX)]
+    heading = [f"{way}{suffix.replace('_', ' ')}" for way, suffix in columns]
+    lights = list(_first(results))
+    tables = []
+    for title, names in (
+        (f"Relit, mean of {' / '.join(lights)} (dB)", [f"relit_{x}" for x in lights]),
+        ("Normals before / after the stages, mesh / map (degrees)", ["mesh_after", "map_after"]),
+    ):
+        body = []
+        for kind in ("own", "ict", "scan"):
+            heads = [found for person, found in results.items() if person.startswith(kind)]
+            for name in lights if heads else ():
+                cells = []
+                for way, suffix in columns:
+                    figures = [found[name][way] for found in heads]
+                    values = np.array([[f[x + suffix] for x in names] for f in figures])
+                    means = [f"{x:.1f}" for x in values.mean(axis=0)]
+                    if names[0].startswith("relit"):
+                        cells.append(f"{' / '.join(means)} (worst {values.min():.1f})")
+                    else:
+                        before = np.mean([f["normal_mean"] for f in figures])
+                        cells.append(f"{before:.1f} / {' / '.join(means)}")
+                body.append((kind, name, *cells))
+        tables.append(Table(title, ("heads", "input", *heading), tuple(body)))
+    return tables
+
+
 def _first(mapping: dict) -> dict:
     return next(iter(mapping.values()))
 
@@ -365,6 +441,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--lights", default=",".join(LIGHTS), help="comma-separated")
     parser.add_argument("--model", type=Path, help="head model file; default the built-in one")
     parser.add_argument("--seeds", type=int, default=1, help="photos of each; default 1")
+    parser.add_argument("--relight", action="store_true", help="run the stages on every fit, too")
     parser.add_argument("--quick", action="store_true", help="three people, flash and side light")
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder to write")
     options = parser.parse_args(arguments)
@@ -382,7 +459,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     results: Results = {}
     for name in chosen:
         rows = [
-            (case, run(case, model))
+            (case, run(case, model, options.relight))
             for seed in range(options.seeds)
             for case in cases(name, everyone[name], lights, folder / "steps" / name, seed=seed)
         ]
@@ -394,7 +471,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         f"photos of each head under each light: {options.seeds}",
     ]
     tuned = {name: everyone[name].tuned for name in chosen}
-    text = markdown("Geometry", facts, tables(results, tuned))
+    made = tables(results, tuned)
+    if options.relight:
+        made = [*made[:1], *relighting_tables(results), *made[1:]]
+    text = markdown("Geometry", facts, made)
     write_one(folder / "geometry.md", text.encode())
     content = {"model": model.name, "size": SIZE, "tuned": tuned, "figures": results}
     write_one(folder / "geometry.json", json.dumps(content, indent=1).encode())

@@ -21,7 +21,7 @@ from .color import is_white
 from .errors import FaceError
 from .findings import findings
 from .fingerprint import key
-from .head.fit import LandmarkProblem
+from .head.fit import HeadFit, LandmarkProblem
 from .head.model import LANDMARKS, HeadModel, default_model
 from .illuminant import WHITE
 from .mask import painted, read_mask
@@ -111,6 +111,21 @@ class Head:
             np.zeros((len(triangles), 3), dtype=np.int32),
             np.full(LANDMARKS, -1, dtype=np.int32),
             np.zeros((LANDMARKS, 3), dtype=np.float32),
+        )
+
+    @staticmethod
+    def of_fit(model: HeadModel, fit: HeadFit) -> Head:
+        """`model` as it was fitted."""
+        return Head(
+            fit.vertices,
+            model.triangles,
+            model.uv,
+            model.triangle_uv,
+            model.landmark_triangle,
+            model.landmark_barycentric,
+            fit.landmarks,
+            fit.landmark_residual,
+            f"{model.name}, {model.licence}",
         )
 
 
@@ -212,17 +227,7 @@ def fitted_head(capture: Capture, model: HeadModel) -> Head:
         fit = photometric_fit(
             problem, problem.solve(closed), capture.image, capture.regions, mouth_closed=closed
         )
-    return Head(
-        fit.vertices,
-        model.triangles,
-        model.uv,
-        model.triangle_uv,
-        model.landmark_triangle,
-        model.landmark_barycentric,
-        fit.landmarks,
-        fit.landmark_residual,
-        f"{model.name}, {model.licence}",
-    )
+    return Head.of_fit(model, fit)
 
 
 def with_light_color(capture: Capture, head: Head, photo: Photo, settings: Settings) -> Capture:
