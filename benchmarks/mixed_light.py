@@ -24,7 +24,7 @@ from subjects import SHARED, standard
 
 import unlit
 from unlit.evaluate.command import light
-from unlit.evaluate.metrics import best_gain
+from unlit.evaluate.metrics import angle, best_gain
 from unlit.evaluate.protocol import Known
 from unlit.evaluate.table import Table, markdown
 from unlit.optimize.schedule import PRESETS
@@ -104,9 +104,9 @@ def figures(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> tuple[lis
 
 
 def _angle(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
-    a, b = image[mask], truth[mask]
-    cosine = (a * b).sum(axis=1) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
-    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean())
+    """Mean angle, degrees, between colours in RGB, which their brightness does not change."""
+    a, b = (x / np.maximum(np.linalg.norm(x, axis=2, keepdims=True), 1e-9) for x in (image, truth))
+    return angle(a, b, mask)
 
 
 def rows(name: str, subject: Known) -> list[tuple[str, ...]]:
@@ -125,9 +125,9 @@ def rows(name: str, subject: Known) -> list[tuple[str, ...]]:
             "one for each channel": light_of_each_channel(capture, head),
         }
         for way, (albedo, relit) in ways.items():
-            (one, three), angle = figures(albedo, truth.diffuse_albedo, mask)
+            (one, three), after_three = figures(albedo, truth.diffuse_albedo, mask)
             cells = [f"{one:.1f} / {three:.1f}"]
-            cells.append(f"{_angle(albedo, truth.diffuse_albedo, mask):.1f} / {angle:.1f}")
+            cells.append(f"{_angle(albedo, truth.diffuse_albedo, mask):.1f} / {after_three:.1f}")
             for light_name, picture in relit.items():
                 one, three = figures(picture, by_white[light_name], mask)[0]
                 cells.append(f"{one:.1f} / {three:.1f}")

@@ -504,7 +504,7 @@ def run_stages(
 
 
 def exposed(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
-    """Fix the gain between light and albedo, which no image can tell.
+    """Fix the gain between light and albedo, which the image hardly tells.
 
     Convention: the best-lit skin (99th percentile of the diffuse shading E) has E = 1, as if the
     photo were exposed for a white card held there. Albedo is then what the photo shows where the
