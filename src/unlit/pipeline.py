@@ -22,7 +22,8 @@ from .errors import FaceError
 from .findings import findings
 from .fingerprint import key
 from .head.fit import HeadFit, LandmarkProblem
-from .head.model import LANDMARKS, HeadModel, default_model
+from .head.library import head_model, model_key
+from .head.model import LANDMARKS, HeadModel
 from .illuminant import WHITE
 from .mask import painted, read_mask
 from .optimize.checkpoint import Checkpoint
@@ -145,7 +146,7 @@ def reconstruct(
     photo: a file, a Photo, or an array (H, W, 3): uint8 sRGB-encoded or float linear sRGB.
     face: "only" (several faces are an error), "largest", "left" or "right" (the leftmost or
         rightmost in the picture), or a number counted from the largest, 0.
-    model: the head model to fit; the default is MakeHuman's head.
+    model: the head model to fit; the default is the one that the settings name.
     mask: a picture file or an array (H, W) in [0, 1] of the photo's size; 0 leaves skin out.
     progress: called with (stage, iteration, iterations, loss). preview: called with the result so
     far after the fit and after every stage. checkpoint: where the state is kept after every stage,
@@ -157,18 +158,19 @@ def reconstruct(
     progress("photo", 0, 1, 0.0)
     loaded = _as_photo(photo)
     kept = None if mask is None else read_mask(mask, loaded)
+    model = model or head_model(settings.head_model)
     if checkpoint is not None:
-        content = key(loaded.pixels, loaded.focal)
-        own = None if model is None else key(model.name, model.neutral, model.identity)
+        pixels = key(loaded.pixels, loaded.focal)
+        own = model_key(model)
         choices = {"face": face, "mask": None if kept is None else key(kept), "model": own}
-        checkpoint.belongs_to((Path(loaded.source).name, content), settings, choices)
+        checkpoint.belongs_to((Path(loaded.source).name, pixels), settings, choices)
     clock.lap("photo")
     progress("perception", 0, 1, 0.0)
     capture = observe(loaded, settings.resolution, face, mask=kept)
     _check_known(capture, loaded, settings)
     clock.lap("perception")
     progress("fit", 0, 1, 0.0)
-    head = fitted_head(capture, model or default_model())
+    head = fitted_head(capture, model)
     clock.lap("fit")
     capture = with_light_color(capture, head, loaded, settings)
     if capture.light_found is not None:

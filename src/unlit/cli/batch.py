@@ -46,11 +46,13 @@ def run(options: argparse.Namespace) -> int:
     from ..batch.progress import BatchConsole
     from ..batch.run import run_batch
     from ..batch.store import Store
+    from ..head.library import head_model
 
     settings, folder = settings_of(options), options.output
     photos = find_photos(options.inputs)
     if options.scheduler is None:
         models.fetch("reconstruct")
+        head_model(settings.head_model)  # tells now, not once for each photo, if there is none
     with BatchConsole() as watch:
         rows = run_batch(
             photos, folder, settings, options.face, options.scheduler, watch, options.memory

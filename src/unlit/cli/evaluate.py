@@ -51,6 +51,7 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     settings = settings_of(options)
     from ..evaluate import command
+    from ..head.library import head_model
 
     inputs, folder = [Path(name) for name in options.inputs], Path(options.output)
     if not options.same_person and len(inputs) != 1:
@@ -59,6 +60,7 @@ def run(options: argparse.Namespace) -> int:
     # LPIPS compares relit pictures, which only the whole protocol makes.
     whole = not (options.same_person or options.check)
     models.fetch("reconstruct", *(["evaluate"] if whole else []))
+    head_model(settings.head_model)  # tells now, not after the photos, if there is none
     if options.same_person:
         print(command.run_persons(inputs, folder, settings, options.face))
     elif options.check:
@@ -81,7 +83,7 @@ def _refuse_unused(options: argparse.Namespace) -> None:
     if options.same_person:
         kind, unused = "--same-person", of_protocol
     elif options.check:
-        kind, unused = "--check", of_protocol | of_photos
+        kind, unused = "--check", of_protocol | of_photos | {"--model": options.model is not None}
     else:
         kind, unused = "a subject", of_photos
     for name, given in unused.items():

@@ -42,12 +42,6 @@ def add(commands: Any) -> None:
         help="picture of the photo's size: white is face skin to use, black is to be left out",
     )
     parser.add_argument(
-        "--model",
-        metavar="NAME",
-        help="head model to fit: makehuman (default), ict once added by `unlit models add`, or an "
-        ".npz file of docs/head-model-format.md",
-    )
-    parser.add_argument(
         "--resume",
         nargs="?",
         const=True,
@@ -83,9 +77,7 @@ def run(options: argparse.Namespace) -> int:
     if named is not None and Path(named) != Path(options.output):
         raise SettingsError(f"--resume {named} and -o {options.output} differ; leave one out")
     resume = options.resume is not None
-    return reconstruct_into(
-        lambda: read_photo(options.photo), options, options.mask, resume, options.model
-    )
+    return reconstruct_into(lambda: read_photo(options.photo), options, options.mask, resume)
 
 
 def reconstruct_into(
@@ -93,12 +85,10 @@ def reconstruct_into(
     options: argparse.Namespace,
     mask: str | None = None,
     resume: bool = False,
-    model: str | None = None,
 ) -> int:
     """Read the photo, reconstruct it, save it: shared by `reconstruct` and `demo`.
 
-    mask: a picture file. resume: go on with an unfinished run. model: name or file of the head
-    model; None is the default.
+    mask: a picture file. resume: go on with an unfinished run.
     """
     from ..console import RunConsole
 
@@ -114,7 +104,7 @@ def reconstruct_into(
         from ..optimize.checkpoint import Checkpoint
         from ..pipeline import reconstruct
 
-        head = None if model is None else head_model(model)
+        head = head_model(settings.head_model)
         checkpoint = Checkpoint(folder / CHECKPOINT, resume)
         if resume and not checkpoint.stage and (folder / MARK).exists():
             _check_finished(folder, photo, settings)
@@ -127,8 +117,7 @@ def reconstruct_into(
             if mask is not None:
                 console.say(f"mask      {mask}")
             console.say(f"preset    {options.preset}")
-            if head is not None:
-                console.say(f"model     {head.name}, {head.licence}")
+            console.say(f"model     {head.name}, {head.licence}")
             if resume:
                 stage = checkpoint.stage
                 found = f"after stage {stage}" if stage else "nothing to resume, from the start"

@@ -40,6 +40,12 @@ def add_settings(
         f"512 pixels a side take {_gigabytes(512)}, 2048 take {_gigabytes(2048)}; "
         "in a batch, what its workers on this machine take together",
     )
+    parser.add_argument(
+        "--model",
+        metavar="NAME",
+        help="head model to fit: makehuman (default), ict once added by `unlit models add`, or an "
+        ".npz file of docs/head-model-format.md",
+    )
     parser.add_argument("--seed", type=int, metavar="N", help=seed)
     parser.add_argument(
         "--light-color",
@@ -90,6 +96,10 @@ def settings_of(options: argparse.Namespace) -> Settings:
     for name in ("resolution", "seed", "light_color", "exposure"):
         if getattr(options, name) is not None:
             changes[name] = getattr(options, name)
+    if options.model is not None:
+        # A worker or a later run may have another working directory.
+        file = options.model.endswith(".npz")
+        changes["head_model"] = str(Path(options.model).resolve()) if file else options.model
     settings = override(override(PRESETS[options.preset], changes), dict(options.set))
     if options.memory is not None:
         footprint.check_memory(options.memory, settings.resolution)

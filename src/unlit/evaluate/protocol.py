@@ -17,7 +17,7 @@ import numpy as np
 from ..color import encode_srgb
 from ..errors import SubjectError
 from ..fingerprint import RECONSTRUCTION, RENDERING, code, key
-from ..head.model import default_model
+from ..head.library import head_model, model_key
 from ..optimize.problem import Progress
 from ..optimize.schedule import Settings, as_dict
 from ..photo import Photo
@@ -179,7 +179,8 @@ class Study:
         name = f"{variant.replace(' ', '-')}-from-{shot.light.name}"
         camera = self.subject.camera
         seen = [camera.width, camera.height, camera.focal, camera.cx, camera.cy]
-        made = key(_photo(shot), seen, as_dict(settings), code(RECONSTRUCTION))
+        head = model_key(head_model(settings.head_model))
+        made = key(_photo(shot), seen, as_dict(settings), head, code(RECONSTRUCTION))
         return (f"true-mesh-{name}", key(made, self.content)) if self.true_mesh else (name, made)
 
     def _relit(
@@ -206,7 +207,7 @@ class Study:
             head = (
                 Head.of_mesh(*self.subject.mesh())
                 if self.true_mesh
-                else fitted_head(capture, default_model())
+                else fitted_head(capture, head_model(settings.head_model))
             )
             capture = with_light_color(capture, head, source, settings)
             return solve(capture, head, settings, progress)

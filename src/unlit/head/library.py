@@ -11,6 +11,7 @@ import platformdirs
 
 from ..assets import FOLDER_VARIABLE
 from ..errors import ModelError
+from ..fingerprint import key
 from .model import HeadModel, default_model
 
 DEFAULT = "makehuman"
@@ -46,6 +47,11 @@ def head_model(name: str) -> HeadModel:
     raise ModelError(
         f"{name}: no such head model; give {', '.join((DEFAULT, *known))} or an .npz file{hint}"
     )
+
+
+def model_key(model: HeadModel) -> str:
+    """Changes with the shapes that `model` can take."""
+    return key(model.name, model.neutral, model.identity)
 
 
 def _of_file(path: Path) -> HeadModel:

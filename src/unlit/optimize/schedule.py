@@ -65,6 +65,8 @@ class Settings:
     #: Kept with the result; nothing is drawn at random so far, so it changes nothing.
     seed: int = 0
 
+    #: Head model that is fitted: makehuman, one that was added, or an .npz file (head/library.py).
+    head_model: str = "makehuman"
     #: Colour of the light: white, auto, 2700K, a grey card's pixel X,Y, R,G,B or #rrggbb
     #: (illuminant.py).
     light_color: str = "white"

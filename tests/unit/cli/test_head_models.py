@@ -46,14 +46,15 @@ def test_wrong_usage_is_one_line(home, monkeypatch, capsys, arguments, said) -> 
     assert not (home / "heads").exists()
 
 
-def test_an_unknown_model_is_refused_before_the_work(home, monkeypatch, capsys) -> None:
+@pytest.mark.parametrize("command", ["reconstruct", "batch", "evaluate"])
+def test_an_unknown_model_is_refused_before_the_work(home, monkeypatch, capsys, command) -> None:
     """With what there is to choose from; no result is left behind."""
     import numpy as np
     from PIL import Image
 
     monkeypatch.setattr(cli.models, "fetch", lambda *_: None)
     Image.fromarray(np.full((80, 90, 3), 128, np.uint8)).save(home / "a.png")
-    arguments = ["reconstruct", str(home / "a.png"), "-o", str(home / "out"), "--model", "flame"]
+    arguments = [command, str(home / "a.png"), "-o", str(home / "out"), "--model", "flame"]
     assert cli.main(arguments) == 1
     assert "flame: no such head model; give makehuman or" in capsys.readouterr().err
-    assert not list(home.glob("out/*.npz"))
+    assert not list(home.glob("out/*"))
