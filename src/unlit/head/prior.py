@@ -3,9 +3,9 @@
 MakeHuman's targets are an artist's and say nothing about how common a shape is. ICT-FaceKit (USC
 ICT Vision and Graphics Lab, MIT licence) is a statistical model made from scans. `main` draws
 random identities from it, fits MakeHuman's axes to each of their surfaces, and keeps mean and
-covariance of the coefficients: some thousand numbers, no shape of ICT-FaceKit's. The fit is
-Gaussian, so its posterior covariance enters too: what a surface does not tell about an axis
-stays as uncertain as the artist's standard deviation makes it.
+covariance of the coefficients. The fit is Gaussian, so its posterior covariance enters too: what a
+surface does not tell about an axis stays as uncertain as the artist's standard deviation makes it.
+What the axes cannot make of those surfaces is in relief.py.
 
     python -m unlit.head.prior ICT.npz        writes makehuman_prior.npz beside this module
 
@@ -16,7 +16,8 @@ each, `triangles` (F, 3) and `landmarks_multipie68` (68,) vertices, as in its pu
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 
@@ -64,23 +65,28 @@ def shipped_prior() -> Prior:
 
 
 @dataclass(frozen=True)
-class _Surface:
-    """A head to be fitted: points (N, 3), their unit normals, common points; any frame, cm."""
+class Surface:
+    """A head to be fitted: points (N, 3), their unit normals, common points; any frame, cm.
+
+    rim: (N,) bool, the points where the surface ends.
+    """
 
     points: np.ndarray
     normals: np.ndarray
     common: np.ndarray
+    rim: np.ndarray
 
-    def moved(self, scale: float, rotation: np.ndarray, shift: np.ndarray) -> _Surface:
+    def moved(self, scale: float, rotation: np.ndarray, shift: np.ndarray) -> Surface:
         """The surface seen from a frame that lies in this one at scale, rotation and shift."""
-        return _Surface(
-            (self.points - shift) @ rotation / scale,
-            self.normals @ rotation,
-            (self.common - shift) @ rotation / scale,
+        return replace(
+            self,
+            points=(self.points - shift) @ rotation / scale,
+            normals=self.normals @ rotation,
+            common=(self.common - shift) @ rotation / scale,
         )
 
 
-class _Fitter:
+class Fitter:
     """Fits a model's identity to surfaces; weights: (V,) of its vertices, 0 where not fitted."""
 
     def __init__(self, model: HeadModel, weights: np.ndarray) -> None:
@@ -97,8 +103,9 @@ class _Fitter:
         self.common = model.landmarks(model.neutral)[common].astype(np.float64)
         self.common_basis = np.stack([model.landmarks(axis)[common] for axis in model.identity])
 
-    def fit(self, surface: _Surface) -> tuple[np.ndarray, np.ndarray]:
-        """Coefficients (I,) and their posterior covariance (I, I) under the prior N(0, 1)."""
+    def fit(self, surface: Surface) -> tuple[np.ndarray, np.ndarray, Surface]:
+        """Coefficients (I,), their posterior covariance (I, I) under the prior N(0, 1), and the
+        surface in the model's frame."""
         count = len(self.basis)
         surface = surface.moved(*procrustes(self.common, surface.common))
         coefficients = np.zeros(count)
@@ -132,7 +139,7 @@ class _Fitter:
             coefficients = coefficients + step[7:]
             turn = Rotation.from_rotvec(step[3:6]).as_matrix()
             surface = surface.moved(1 + step[6], turn, step[:3])
-        return coefficients, np.linalg.inv(matrix)[7:, 7:]
+        return coefficients, np.linalg.inv(matrix)[7:, 7:], surface
 
 
 def _motions(points: np.ndarray, basis: np.ndarray) -> np.ndarray:
@@ -158,29 +165,37 @@ def procrustes(source: np.ndarray, goal: np.ndarray) -> tuple[float, np.ndarray,
     return scale, rotation, goal.mean(axis=0) - scale * rotation @ source.mean(axis=0)
 
 
-def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (I,) and covariance (I, I) of the identity of `model` over random ICT identities."""
+def identities(ict: Path, count: int = _IDENTITIES) -> Iterator[Surface]:
+    """The skin of `count` random identities, the same ones every time, of ICT.npz (see above)."""
     with np.load(ict, allow_pickle=False) as arrays:
         neutral = arrays["neutral"].astype(np.float64)
         identity = arrays["identity"].astype(np.float32)
         triangles = arrays["triangles"].astype(int)
         corners = arrays["landmarks_multipie68"].astype(int)[[ours for ours, _ in COMMON]]
     triangles = triangles[(triangles < _ICT_SKIN).all(axis=1)]
-    fitter = _Fitter(model, weights)
+    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges, uses = np.unique(sides, axis=0, return_counts=True)
+    rim = np.zeros(_ICT_SKIN, dtype=bool)
+    rim[edges[uses == 1]] = True
     rng = np.random.default_rng(1)
-    means, covariances = [], []
-    for _ in range(_IDENTITIES):
+    for _ in range(count):
         drawn = rng.standard_normal(len(identity)).astype(np.float32)
         shape = neutral + np.tensordot(drawn, identity, axes=1)
-        normals = _vertex_normals(shape, triangles)[:_ICT_SKIN]
-        mean, covariance = fitter.fit(_Surface(shape[:_ICT_SKIN], normals, shape[corners]))
-        means.append(mean)
-        covariances.append(covariance)
-    spread = np.cov(np.array(means).T, bias=True) + np.mean(covariances, axis=0)
-    return np.mean(means, axis=0), spread
+        normals = vertex_normals(shape, triangles)[:_ICT_SKIN]
+        yield Surface(shape[:_ICT_SKIN], normals, shape[corners], rim)
 
 
-def _vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (I,) and covariance (I, I) of the identity of `model` over random ICT identities."""
+    fitter = Fitter(model, weights)
+    fits = [fitter.fit(surface) for surface in identities(ict)]
+    means = np.array([mean for mean, _, _ in fits])
+    spread = np.cov(means.T, bias=True) + np.mean([fit[1] for fit in fits], axis=0)
+    return means.mean(axis=0), spread
+
+
+def vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Unit normals (V, 3) by area; zero at vertices without triangles."""
     a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
     total = np.zeros_like(vertices)
     for corner in range(3):

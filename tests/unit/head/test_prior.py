@@ -7,35 +7,41 @@ from scipy.spatial.transform import Rotation
 
 from unlit.head.makehuman import inner_product_weights
 from unlit.head.model import HeadModel
-from unlit.head.prior import COMMON, _Fitter, _Surface, _vertex_normals, shipped_prior
+from unlit.head.prior import COMMON, Fitter, Surface, shipped_prior, vertex_normals
+from unlit.head.relief import shipped_relief
 
 
 def test_a_known_head_is_found_in_another_frame(head: HeadModel) -> None:
     """A moved, turned and scaled head of the model's own: its shape is found to a millimetre."""
     weights = inner_product_weights(head.neutral, head.triangles, head.vertex_region)
-    fitter = _Fitter(head, weights)
+    fitter = Fitter(head, weights)
     truth = np.zeros(len(head.identity))
     truth[:5] = (2.0, -2.5, 1.8, 2.2, -1.9)
     shape = head.vertices(truth, np.zeros(len(head.expression))).astype(np.float64)
     turn = Rotation.from_euler("xyz", (10, -20, 5), degrees=True).as_matrix()
     placed = 1.1 * shape @ turn.T + (3, -2, 7)
     common = [landmark for _, landmark in COMMON]
-    surface = _Surface(
-        placed, _vertex_normals(placed, head.triangles), head.landmarks(placed)[common]
+    surface = Surface(
+        placed,
+        vertex_normals(placed, head.triangles),
+        head.landmarks(placed)[common],
+        np.zeros(len(placed), dtype=bool),
     )
-    found, covariance = fitter.fit(surface)
+    found, covariance, seen = fitter.fit(surface)
     skin = head.vertex_region == 0
     off = np.tensordot(found - truth, head.identity[:, skin], axes=1)
     motion = np.tensordot(truth, head.identity[:, skin], axes=1)
     assert np.linalg.norm(off, axis=1).mean() < 0.1 < 0.3 < np.linalg.norm(motion, axis=1).mean()
+    assert np.linalg.norm((seen.points - shape)[skin], axis=1).mean() < 0.1
     # Knowing the surface makes every direction more certain than the prior, none impossible.
     size = np.linalg.eigvalsh(covariance)
     assert size[0] > 0 and size[-1] < 1 + 1e-6 and size[0] < 0.05
 
 
 def test_shipped_prior_moves_the_mean_by_millimetres(head: HeadModel) -> None:
-    """One row per component of the model; the mean is a plausible head's, not a caricature."""
+    """One row per component before the relief's; the mean is a plausible head's, no caricature."""
     prior = shipped_prior()
-    assert prior.combinations.shape == (len(head.identity), len(prior.mean))
+    components = len(head.identity) - len(shipped_relief().components)
+    assert prior.combinations.shape == (components, len(prior.mean))
     assert np.isfinite(prior.combinations).all() and np.isfinite(prior.mean).all()
     assert 0.1 < np.abs(prior.mean).max() < 5
