@@ -405,25 +405,26 @@ def relighting_tables(results: Results) -> list[Table]:
     columns = [*((way, "") for way in RELIT), (RELIT[-1], _SUFFIX)]
     heading = [f"{way}{suffix.replace('_', ' ')}" for way, suffix in columns]
     lights = list(_first(results))
+
+    def relit(figures: list[dict[str, float]], suffix: str) -> str:
+        values = np.array([[f[f"relit_{x}{suffix}"] for x in lights] for f in figures])
+        means = " / ".join(f"{x:.1f}" for x in values.mean(axis=0))
+        return f"{means} (worst {values.min():.1f})"
+
+    def angles(figures: list[dict[str, float]], suffix: str) -> str:
+        names = ("normal_mean", f"mesh_after{suffix}", f"map_after{suffix}")
+        return " / ".join(f"{np.mean([f[name] for f in figures]):.1f}" for name in names)
+
     tables = []
-    for title, names in (
-        (f"Relit, mean of {' / '.join(lights)} (dB)", [f"relit_{x}" for x in lights]),
-        ("Normals before / after the stages, mesh / map (degrees)", ["mesh_after", "map_after"]),
+    for title, cell in (
+        (f"Relit, mean of {' / '.join(lights)} (dB)", relit),
+        ("Normals before / after the stages, mesh / map (degrees)", angles),
     ):
         body = []
         for kind in ("own", "ict", "scan"):
             heads = [found for person, found in results.items() if person.startswith(kind)]
             for name in lights if heads else ():
-                cells = []
-                for way, suffix in columns:
-                    figures = [found[name][way] for found in heads]
-                    values = np.array([[f[x + suffix] for x in names] for f in figures])
-                    means = [f"{x:.1f}" for x in values.mean(axis=0)]
-                    if names[0].startswith("relit"):
-                        cells.append(f"{' / '.join(means)} (worst {values.min():.1f})")
-                    else:
-                        before = np.mean([f["normal_mean"] for f in figures])
-                        cells.append(f"{before:.1f} / {' / '.join(means)}")
+                cells = [cell([found[name][way] for found in heads], end) for way, end in columns]
                 body.append((kind, name, *cells))
         tables.append(Table(title, ("heads", "input", *heading), tuple(body)))
     return tables

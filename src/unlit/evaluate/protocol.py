@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from ..color import encode_srgb
 from ..errors import SubjectError
 from ..fingerprint import RECONSTRUCTION, RENDERING, code, key
 from ..head.library import head_model, model_key
+from ..head.model import HeadModel
 from ..optimize.problem import Progress
 from ..optimize.schedule import Settings, as_dict
 from ..photo import Photo
@@ -105,6 +107,10 @@ class Study:
     true_mesh: bool = False
     running: Running = _silent_run
 
+    @cached_property
+    def _head(self) -> HeadModel:
+        return head_model(self.settings.head_model)
+
     def shots(self) -> tuple[Shot, ...]:
         """The subject under every light, at the study's resolution."""
         return tuple(self._shot(light) for light in self.lights)
@@ -179,7 +185,7 @@ class Study:
         name = f"{variant.replace(' ', '-')}-from-{shot.light.name}"
         camera = self.subject.camera
         seen = [camera.width, camera.height, camera.focal, camera.cx, camera.cy]
-        head = model_key(head_model(settings.head_model))
+        head = None if self.true_mesh else model_key(self._head)
         made = key(_photo(shot), seen, as_dict(settings), head, code(RECONSTRUCTION))
         return (f"true-mesh-{name}", key(made, self.content)) if self.true_mesh else (name, made)
 
@@ -207,7 +213,7 @@ class Study:
             head = (
                 Head.of_mesh(*self.subject.mesh())
                 if self.true_mesh
-                else fitted_head(capture, head_model(settings.head_model))
+                else fitted_head(capture, self._head)
             )
             capture = with_light_color(capture, head, source, settings)
             return solve(capture, head, settings, progress)

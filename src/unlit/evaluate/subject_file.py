@@ -17,6 +17,7 @@ from ..meshes import V_AXIS, Surface, read_mesh
 from ..pictures import read_picture
 from ..scene.brdf import ROUGHNESS
 from ..scene.camera import Camera
+from ..scene.normals import vertex_normals
 from ..toml import read_toml
 from .scan import Part, Scan, frontal, seen_by
 
@@ -245,7 +246,7 @@ def _part(table: Table, object_to_world: np.ndarray, unit: float) -> Part:
     world = vertices @ linear.T + object_to_world[:3, 3] * unit
     return Part(
         vertices=world,
-        normals=_smooth_normals(world, triangles, smooth),
+        normals=vertex_normals(world, triangles, smooth),
         triangles=triangles,
         uv=uv,
         diffuse=_image(maps["diffuse_albedo"], _colour, None),
@@ -328,17 +329,6 @@ def _unified(surface: Surface, axis: str) -> tuple[np.ndarray, ...]:
     return vertices, uv[unique[:, 1]], index.reshape(-1, 3), smooth.ravel()
 
 
-def _smooth_normals(vertices: np.ndarray, triangles: np.ndarray, smooth: np.ndarray) -> np.ndarray:
-    """(V, 3): the area-weighted mean of the triangles around each smooth point."""
-    a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    face = np.cross(b - a, c - a)
-    total = np.zeros((int(smooth.max()) + 1, 3))
-    for k in range(3):
-        np.add.at(total, smooth[triangles[:, k]], face)
-    total /= np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-20)
-    return total[smooth]
-
-
 def _displaced(
     table: Table, vertices: np.ndarray, uv: np.ndarray, triangles: np.ndarray, smooth: np.ndarray
 ) -> tuple[np.ndarray, ...]:
@@ -350,7 +340,7 @@ def _displaced(
     table.done()
     if len(triangles) * 4**times > _MAX_TRIANGLES:
         table.fail("subdivisions", f"is {times}; that makes over {_MAX_TRIANGLES} triangles")
-    normals = _smooth_normals(vertices, triangles, smooth)
+    normals = vertex_normals(vertices, triangles, smooth)
     for _ in range(times):
         triangles, ends = _split(triangles)
         vertices, uv, normals = (

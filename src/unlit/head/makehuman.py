@@ -27,11 +27,12 @@ from ..assets import ASSETS, asset, cache_folder
 from ..errors import ModelError
 from ..npy import DAMAGED, reason
 from ..perception.topology import LEFT_LID_GAP, RIGHT_LID_GAP
+from ..scene.normals import vertex_normals
 from .basis import principal_combinations, remove_similarity, vertex_areas
 from .embedding import Embedding, eyebrow_vertices, shipped_embedding
 from .lips import seal_lips
 from .model import VERTEX_REGIONS, HeadModel
-from .prior import Prior, shipped_prior, vertex_normals
+from .prior import Prior, shipped_prior
 from .relief import Relief, shipped_relief
 from .subdivision import catmull_clark, triangulate
 

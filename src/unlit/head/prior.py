@@ -25,6 +25,7 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
+from ..scene.normals import vertex_normals
 from .model import VERTEX_REGIONS, HeadModel
 
 _FILE = "makehuman_prior.npz"
@@ -192,15 +193,6 @@ def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> tuple[np.ndarray,
     means = np.array([mean for mean, _, _ in fits])
     spread = np.cov(means.T, bias=True) + np.mean([fit[1] for fit in fits], axis=0)
     return means.mean(axis=0), spread
-
-
-def vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Unit normals (V, 3) by area; zero at vertices without triangles."""
-    a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
-    total = np.zeros_like(vertices)
-    for corner in range(3):
-        np.add.at(total, triangles[:, corner], np.cross(b - a, c - a))
-    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-9)
 
 
 def main(ict: Path) -> None:

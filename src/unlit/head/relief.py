@@ -21,9 +21,10 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
 
+from ..scene.normals import vertex_normals
 from .basis import vertex_areas
 from .model import VERTEX_REGIONS, HeadModel
-from .prior import Fitter, Surface, identities, vertex_normals
+from .prior import Fitter, Surface, identities
 
 _FILE = "makehuman_relief.npz"
 
@@ -69,7 +70,7 @@ class Registration:
         away = KDTree(model.neutral[hollow]).query(model.neutral)[0] > _RIM
         self.measured = self.skin & away
         self.area = vertex_areas(model.neutral, model.triangles)
-        self.normals = vertex_normals(model.neutral.astype(np.float64), model.triangles)
+        self.normals = vertex_normals(model.neutral, model.triangles)
         self.roughness = _biharmonic(model.neutral, model.triangles, self.area)
 
     def heights(self, surface: Surface, coefficients: np.ndarray) -> np.ndarray:

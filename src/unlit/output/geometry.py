@@ -11,29 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..reconstruction import Reconstruction
+from ..scene.normals import vertex_normals
 from . import textures
 from .parts import PARTS
 from .tangent import tangents
 
 _PLY_PROPERTIES = ("x", "y", "z", "nx", "ny", "nz", "s", "t")
-
-
-def vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Unit vertex normals (V, 3) float32: area-weighted, as the renderer shades (scene/mesh.py).
-
-    In NumPy and float64, so that the same mesh gives the same file on every machine.
-    """
-    a, b, c = (vertices[triangles[:, i]].astype(np.float64) for i in range(3))
-    face = np.cross(b - a, c - a)
-    total = np.stack(
-        [
-            np.bincount(triangles.ravel(), np.repeat(face[:, axis], 3), len(vertices))
-            for axis in range(3)
-        ],
-        axis=1,
-    )
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return (total / np.maximum(length, 1e-30)).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -61,7 +44,7 @@ def welded(reconstruction: Reconstruction) -> Welded:
     triangles = index.reshape(-1, 3).astype(np.int32)
     vertex = unique[:, 0]
     position, uv = r.vertices[vertex], r.uv[unique[:, 1]]
-    normal = vertex_normals(r.vertices, r.triangles)[vertex]
+    normal = vertex_normals(r.vertices, r.triangles)[vertex].astype(np.float32)
     return Welded(
         vertex, position, normal, uv, tangents(position, normal, uv, triangles), triangles
     )

@@ -7,8 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from unlit.head.makehuman import inner_product_weights
 from unlit.head.model import HeadModel
-from unlit.head.prior import COMMON, Fitter, Surface, shipped_prior, vertex_normals
+from unlit.head.prior import COMMON, Fitter, Surface, shipped_prior
 from unlit.head.relief import shipped_relief
+from unlit.scene.normals import vertex_normals
 
 
 def test_a_known_head_is_found_in_another_frame(head: HeadModel) -> None:

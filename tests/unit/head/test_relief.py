@@ -6,8 +6,9 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from unlit.head.model import HeadModel
-from unlit.head.prior import Surface, vertex_normals
+from unlit.head.prior import Surface
 from unlit.head.relief import Registration, shipped_relief
+from unlit.scene.normals import vertex_normals
 
 
 def test_a_known_bump_is_found_and_the_rim_is_no_evidence(head: HeadModel) -> None:

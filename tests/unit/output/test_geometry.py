@@ -2,26 +2,9 @@
 
 import numpy as np
 
-from unlit.output.geometry import mtl, obj, ply, vertex_normals
+from unlit.output.geometry import mtl, obj, ply
 from unlit.output.parts import EYES, PARTS, SKIN
 from unlit.output.textures import PNGS
-
-
-def test_normals_are_those_of_the_renderer(face):
-    """Files and renders must shade alike; the renderer computes its own in Dr.Jit."""
-    from unlit.scene.mesh import Mesh
-
-    expected = Mesh(face.vertices, face.triangles).normals.numpy().T
-    np.testing.assert_allclose(vertex_normals(face.vertices, face.triangles), expected, atol=1e-5)
-
-
-def test_normals_point_outwards_and_lone_vertices_have_none(face):
-    """Counter-clockwise from outside; a vertex of no triangle gives zero, not NaN."""
-    vertices = np.concatenate([face.vertices, [[0, 0, 0]]]).astype(np.float32)
-    normal = vertex_normals(vertices, face.triangles)
-    radial = face.vertices - face.vertices.mean(axis=0)
-    assert ((normal[:-1] * radial).sum(axis=1) > 0).all()
-    assert (normal[-1] == 0).all()
 
 
 def test_obj(face):
