@@ -1,10 +1,10 @@
 """The gain that albedo and light share: its user may tell what the photo hardly does.
 
 Albedo times g and light divided by g give the same picture but for what the face reflects onto
-itself, for which a known albedo takes part in the stages (docs/method.md, 9). The stages settle the
-gain by a convention (`optimize.stages.exposed`), which albedo may exceed; here the finished
-estimate is brought back to what is possible, or to what is known: the albedo of a patch, or of the
-whole skin, or the illuminance that was measured where the face is lit best.
+itself. The stages hold both as if the photo were exposed for a white card on the face
+(`optimize.stages.exposed`); inter-reflection, and the finished estimate, take albedo times the gain
+that is found here: by what is known, the albedo of a patch, or of the whole skin, or the
+illuminance that was measured where the face is lit best, or else a convention (docs/method.md, 9).
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ from .errors import SettingsError
 from .illuminant import AUTO, NUMBER
 from .photo import Crop
 
+#: The gain by convention. The photo's brightest skin is no white card: the palest returns some 0.7
+#: of the light.
+CONVENTION = 0.7
 # Radius of a patch, as a part of the crop's width.
 _PATCH = 0.01
 
@@ -94,11 +97,11 @@ def full_light(e: np.ndarray) -> float:
 
 
 def within_one(albedo: np.ndarray) -> float:
-    """The gain, at most 1, after which albedo (N, 3) stays within 1: no skin returns more light.
+    """The gain up to which albedo (N, 3) stays within 1: no skin returns more light.
 
     By the 99.9th percentile of its largest channel: files of 8 bits hold no more than 1 either.
     """
-    return 1 / max(1.0, float(np.percentile(albedo.max(axis=1), 99.9)))
+    return 1 / max(float(np.percentile(albedo.max(axis=1), 99.9)), 1e-6)
 
 
 def gain(known: Known, albedo: np.ndarray, full: float = 1.0, unit: float | None = None) -> float:

@@ -395,10 +395,9 @@ def _result(
         shading.points = problem.points(normals["diffuse"], normals["specular"])
         e_image, s_image = _shade(problem, shading, estimate)
         gain = pin(maps.diffuse_albedo, e_image)
-        if gain != 1:
-            estimate = _pinned(problem, shading, estimate, gain, e_image)
-            maps = problem.maps(estimate)
-            e_image, s_image = _shade(problem, shading, estimate)
+        estimate = _pinned(problem, shading, estimate, gain, e_image)
+        maps = problem.maps(estimate)
+        e_image, s_image = _shade(problem, shading, estimate, gain=1.0)
         e_image, s_image = e_image * capture.light_color, s_image * capture.light_color
         render = maps.diffuse_albedo * e_image + maps.specular_albedo[..., None] * s_image
     mask = np.zeros(shape, dtype=np.float32)
@@ -436,10 +435,15 @@ def _result(
     )
 
 
-def _shade(problem: Problem, shading: Shading, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
-    """Exact E and S of `estimate` under its white light, (S, S, 3); 0 where nothing is seen."""
+def _shade(
+    problem: Problem, shading: Shading, estimate: Estimate, gain: float | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Exact E and S of `estimate` under its white light, (S, S, 3); 0 where nothing is seen.
+
+    gain: as for `Shading.update`.
+    """
     radiance = CellRadiance(shading.cells).of(estimate.light())
-    shading.update(radiance, problem.maps(estimate))
+    shading.update(radiance, problem.maps(estimate), gain)
     e, s = shading.shade(radiance)
     return problem.image(e, "zero"), problem.image(s, "zero")
 
@@ -447,11 +451,13 @@ def _shade(problem: Problem, shading: Shading, estimate: Estimate) -> tuple[np.n
 def _pin(capture: Capture, problem: Problem) -> Callable[[np.ndarray, np.ndarray], float]:
     """What finds the gain that the settings ask for, from diffuse albedo and E (S, S, 3).
 
-    A known albedo is told to the problem, too.
+    What is known is told to the problem, too.
     """
     known = exposure.parse(problem.settings.exposure)
     if known == exposure.Known():
-        return lambda albedo, _: exposure.within_one(_rows(problem, albedo))
+        return lambda albedo, _: min(
+            exposure.CONVENTION, exposure.within_one(_rows(problem, albedo))
+        )
     inside = np.zeros(capture.image.shape[:2], dtype=bool)
     inside.ravel()[problem.pixel] = True
     where = exposure.patch(known, capture.crop, inside, capture.regions.skin)
@@ -461,8 +467,12 @@ def _pin(capture: Capture, problem: Problem) -> Callable[[np.ndarray, np.ndarray
         full = exposure.full_light(e[inside] * capture.light_color)
         return exposure.gain(known, albedo[where], full, capture.unit)
 
-    if known.albedo is not None:
-        problem.known_gain = lambda albedo: exposure.gain(known, albedo[where])
+    def in_stages(albedo: np.ndarray) -> float:
+        # There E of the best-lit skin is 1. A measured illuminance may be wrong by any factor.
+        gain = exposure.gain(known, albedo[where], 1.0, capture.unit)
+        return min(gain, exposure.within_one(_rows(problem, albedo)))
+
+    problem.gain = in_stages
     return pin
 
 
@@ -471,12 +481,13 @@ def _pinned(
 ) -> Estimate:
     """`estimate` with albedo times `gain` and a light under which it is as bright as before.
 
-    The light is not divided by `gain` alone: more albedo means more light from skin to skin.
+    The light is not divided by `gain` alone: unless the stages had the same gain, light from skin
+    to skin changes with it.
     """
     changed = estimate.brightened(gain)
     full = [
         exposure.full_light(image.reshape(-1, 3)[problem.pixel])
-        for image in (e, _shade(problem, shading, changed)[0])
+        for image in (e, _shade(problem, shading, changed, gain=1.0)[0])
     ]
     rest = float(np.log(full[0] / (gain * full[1])))
     return replace(changed, log_amplitude=changed.log_amplitude + rest)

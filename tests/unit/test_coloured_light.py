@@ -10,6 +10,7 @@ from small_head import save_quickly
 from unlit.color import luminance
 from unlit.continuation import continued
 from unlit.errors import SettingsError
+from unlit.exposure import full_light
 from unlit.findings import findings
 from unlit.output import load, save
 from unlit.photo import Photo
@@ -98,23 +99,21 @@ def test_the_skin_gets_the_albedo_that_is_known(pinned):
     assert luminance(pinned.diffuse_albedo[skin]).mean() == pytest.approx(0.2, rel=1e-4)
 
 
-def test_albedo_and_light_share_one_gain(white):
-    """Reflectance goes up by it, light comes down, and the picture stays."""
+def test_a_measured_illuminance_is_that_of_the_result(white):
+    """The best-lit skin gets it, the albedo follows, and the picture stays."""
     measured = replace(tiny_run.capture(), unit=1000.0)
     lit = solve(measured, tiny_run.head(), tiny_run.settings(exposure="2400lux"))
     inside = white.mask > 0
-    for name in ("diffuse_albedo", "specular_albedo"):
-        ratio = getattr(lit, name)[inside] / getattr(white, name)[inside]
-        np.testing.assert_allclose(ratio, lit.gain, rtol=1e-4)
-    assert abs(np.log(lit.gain)) > 0.2
-    ratio = lit.light.amplitude / white.light.amplitude * lit.gain
-    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-4)
-    np.testing.assert_allclose(ratio[0], 1, atol=0.1)
-    np.testing.assert_allclose(lit.render, white.render, rtol=0.05, atol=1e-3)
+    full = full_light(lit.diffuse_shading[inside])
+    assert np.pi * 1000 * full == pytest.approx(2400, rel=0.01)
+    assert np.log(lit.gain / white.gain) > 0.2
+    means = [result.render[inside].mean(axis=0) for result in (lit, white)]
+    np.testing.assert_allclose(*means, rtol=0.02)
 
 
-def test_a_known_albedo_takes_part_in_inter_reflection(monkeypatch):
-    """What the face reflects onto itself is always that of the albedo that is said."""
+@pytest.mark.parametrize("said", ["auto", "skin=0.2", "3000lux"])
+def test_inter_reflection_takes_the_albedo_of_the_result(monkeypatch, said):
+    """What the face reflects onto itself is always that of the albedo that is saved."""
     shown = []
     original = BounceUnder.shade
 
@@ -123,12 +122,15 @@ def test_a_known_albedo_takes_part_in_inter_reflection(monkeypatch):
         return original(self, radiance, maps, gloss)
 
     monkeypatch.setattr(BounceUnder, "shade", watched)
-    seen = tiny_run.capture()
-    tiny_run.run(chosen=tiny_run.settings(exposure="skin=0.2"))
-    skin = seen.regions.skin > 0.5
+    seen = replace(tiny_run.capture(), unit=1000.0)
+    result = solve(seen, tiny_run.head(), tiny_run.settings(exposure=said))
+    skin = (seen.regions.skin > 0.5) & (result.mask > 0)
+    level = float(luminance(result.diffuse_albedo[skin]).mean())
     known = [float(luminance(albedo[skin]).mean()) for albedo in shown]
     assert len(known) > 10
-    np.testing.assert_allclose(known, 0.2, rtol=0.05)
+    # Only a known albedo is that from the start; the others follow the estimate.
+    rest = known if said.startswith("skin") else known[len(known) // 2 :]
+    np.testing.assert_allclose(rest, level, rtol=0.05)
 
 
 def test_its_own_light_gives_the_pinned_render(pinned):

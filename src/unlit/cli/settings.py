@@ -59,7 +59,7 @@ def add_settings(
         metavar="KNOWN",
         help="fix the gain that albedo and light share by what you know: X,Y=ALBEDO of a pixel of "
         "the photo, skin=ALBEDO of the whole skin, or the light measured at the face, as 500lux; "
-        "without it the best-lit skin gets a shading of 1",
+        "without it a white card in full light would be 1.4 times as bright as the photo's white",
     )
     parser.add_argument(
         "--set",

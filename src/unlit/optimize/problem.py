@@ -9,6 +9,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
+from .. import exposure
 from .._runtime import mitsuba
 from ..color import encode_srgb
 from ..render.bounce import Bounce, Gloss
@@ -116,9 +117,9 @@ class Problem:
         self.camera = evidence.camera
         #: Stage name -> (iteration, loss) pairs.
         self.history: dict[str, list[tuple[int, float]]] = {}
-        #: Of diffuse albedo (H, W, 3): the gain that makes it what is known of it, where the user
-        #: says so. Albedo as it is gives the picture, but inter-reflection needs the true one.
-        self.known_gain: Callable[[np.ndarray], float] | None = None
+        #: Of diffuse albedo (H, W, 3): the gain that makes it the skin's (exposure.py). Albedo as
+        #: the stages hold it gives the picture, but inter-reflection needs the true one.
+        self.gain: Callable[[np.ndarray], float] = lambda _: exposure.CONVENTION
         self.mesh = Mesh(evidence.vertices, evidence.triangles)
         hits = self.mesh.camera_hits(self.camera)
         seen = hits.pixel.numpy()
@@ -228,10 +229,12 @@ class Shading:
         """The same geometry under another quadrature: form factors do not depend on it."""
         return Shading(self.problem, cells, self.factors)
 
-    def update(self, radiance: np.ndarray, maps: Maps) -> None:
-        """Bring the indirect light up to date with the light's cell means (D,) and the maps."""
-        if self.problem.known_gain is not None:
-            maps = maps.brightened(self.problem.known_gain(maps.diffuse_albedo))
+    def update(self, radiance: np.ndarray, maps: Maps, gain: float | None = None) -> None:
+        """Bring the indirect light up to date with the light's cell means (D,) and the maps.
+
+        gain: of albedo, the problem's if None; 1 for maps that have it already.
+        """
+        maps = maps.brightened(self.problem.gain(maps.diffuse_albedo) if gain is None else gain)
         change = self.problem.settings.gloss_change
         flux = self.directions.flux(radiance)
         if self.gloss is None or self.gloss.change(flux) > change:

@@ -70,9 +70,8 @@ class Settings:
     #: Colour of the light: white, auto, 2700K, a grey card's pixel X,Y, R,G,B or #rrggbb
     #: (illuminant.py).
     light_color: str = "white"
-    #: What fixes the gain between albedo and light: auto (the best-lit skin has E = 1, or more
-    #: where albedo would exceed 1),
-    #: skin=ALBEDO, X,Y=ALBEDO, or 500lux (exposure.py).
+    #: What fixes the gain between albedo and light: auto (a convention), skin=ALBEDO, X,Y=ALBEDO,
+    #: or 500lux (exposure.py).
     exposure: str = "auto"
 
     #: Share of each stage at the full learning rates (in the paper they are constant), below 1, and
@@ -96,8 +95,8 @@ class Settings:
     #: a high one, since albedo is relative to the best-lit skin.
     max_specular: float = 20.0
     #: Upper bound of the diffuse albedo during a stage, where the best-lit skin has E = 1: no skin
-    #: returns more light than falls on it, and that convention of E may be off by so much. At the
-    #: end the gain is lowered until albedo stays within 1 (exposure.py).
+    #: returns more light than falls on it, and that convention of E may be off by so much. What is
+    #: saved has another gain (exposure.py).
     max_diffuse: float = 1.6
     #: Error of the shading E that the model is believed to make, where full light is E = 1. The
     #: albedo maps trust a pixel by (E / (E + shading_error))^2: what is seen in the shadows says

@@ -508,7 +508,7 @@ def exposed(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
 
     Convention: the best-lit skin (99th percentile of the diffuse shading E) has E = 1, as if the
     photo were exposed for a white card held there. Albedo is then what the photo shows where the
-    light is full.
+    light is full. Inter-reflection and the result take less (exposure.py).
     """
     radiance = CellRadiance(shading.cells).of(estimate.light())
     shading.update(radiance, problem.maps(estimate))

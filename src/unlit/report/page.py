@@ -140,8 +140,8 @@ def _gain(r: Reconstruction) -> str:
     known = r.settings.get("exposure", AUTO)
     how = f"set by {known}"
     if known == AUTO:
-        how = "set so that the best-lit skin has a diffuse shading of 1"
-        how += ", then lowered so that albedo stays within 1" if r.gain < 1 else ""
+        how = f"by convention, a white card in full light would be {1 / r.gain:.1f} times as "
+        how += "bright as the photo's white"
     text = f"albedo and light share one gain, which no photo tells: {how}"
     unit = _number(r.metrics.get("unit_cd_m2"))
     inside = r.mask > 0
