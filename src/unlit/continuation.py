@@ -38,6 +38,11 @@ def kept_fit(face: Reconstruction, stage: int, settings: Settings) -> Fit:
             f"light_color={settings.light_color}: the saved result keeps its light's colour; "
             "reconstruct the photo again to change it"
         )
+    if settings.head_model != face.settings.get("head_model", Settings.head_model):
+        raise SettingsError(
+            f"head_model={settings.head_model}: the saved result keeps its head; reconstruct the "
+            "photo again to change it"
+        )
     if settings.resolution != len(face.image):
         raise SettingsError(
             f"resolution={settings.resolution}: the saved result has {len(face.image)}; "

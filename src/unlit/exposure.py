@@ -104,12 +104,19 @@ def within_one(albedo: np.ndarray) -> float:
     return 1 / max(float(np.percentile(albedo.max(axis=1), 99.9)), 1e-6)
 
 
+def conventional_gain(albedo: np.ndarray) -> float:
+    """The gain of albedo (N, 3) of which nothing is known."""
+    return min(CONVENTION, within_one(albedo))
+
+
 def gain(known: Known, albedo: np.ndarray, full: float = 1.0, unit: float | None = None) -> float:
     """What albedo is to be multiplied with, and light divided by.
 
     albedo: (N, 3) diffuse, of the patch. full: `full_light` of the face, and unit: `Photo.unit`,
-    both for lux alone.
+    both for lux alone. Raises ValueError if nothing is known.
     """
-    if known.lux is not None and unit is not None:
-        return np.pi * full * unit / known.lux
-    return (known.albedo or 1.0) / float(luminance(albedo).mean())
+    if known.albedo is not None:
+        return known.albedo / float(luminance(albedo).mean())
+    if known.lux is None or unit is None:
+        raise ValueError("neither an albedo nor an illuminance in a known unit")
+    return np.pi * full * unit / known.lux

@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from . import exposure, illuminant
 from ._runtime import mitsuba
-from .color import is_white
+from .color import is_white, luminance
 from .errors import FaceError
 from .findings import findings
 from .fingerprint import key
@@ -395,9 +395,13 @@ def _result(
         shading.points = problem.points(normals["diffuse"], normals["specular"])
         e_image, s_image = _shade(problem, shading, estimate)
         gain = pin(maps.diffuse_albedo, e_image)
-        estimate = _pinned(problem, shading, estimate, gain, e_image)
+        if gain == problem.skin_gain(maps.diffuse_albedo):  # inter-reflection has it already
+            estimate = estimate.brightened(gain)
+            e_image, s_image = e_image / gain, s_image / gain
+        else:
+            estimate = _pinned(problem, shading, estimate, gain, e_image)
+            e_image, s_image = _shade(problem, shading, estimate, gain=1.0)
         maps = problem.maps(estimate)
-        e_image, s_image = _shade(problem, shading, estimate, gain=1.0)
         e_image, s_image = e_image * capture.light_color, s_image * capture.light_color
         render = maps.diffuse_albedo * e_image + maps.specular_albedo[..., None] * s_image
     mask = np.zeros(shape, dtype=np.float32)
@@ -451,28 +455,28 @@ def _shade(
 def _pin(capture: Capture, problem: Problem) -> Callable[[np.ndarray, np.ndarray], float]:
     """What finds the gain that the settings ask for, from diffuse albedo and E (S, S, 3).
 
-    What is known is told to the problem, too.
+    What is known is told to the problem, too, for inter-reflection.
     """
     known = exposure.parse(problem.settings.exposure)
     if known == exposure.Known():
-        return lambda albedo, _: min(
-            exposure.CONVENTION, exposure.within_one(_rows(problem, albedo))
-        )
+        return lambda albedo, _: problem.skin_gain(albedo)
     inside = np.zeros(capture.image.shape[:2], dtype=bool)
     inside.ravel()[problem.pixel] = True
     where = exposure.patch(known, capture.crop, inside, capture.regions.skin)
     exposure.check_unit(known, capture.unit)
+    # In the stages the best-lit skin has E = 1 before the light's colour.
+    full_in_stages = float(luminance(capture.light_color))
 
     def pin(albedo: np.ndarray, e: np.ndarray) -> float:
         full = exposure.full_light(e[inside] * capture.light_color)
         return exposure.gain(known, albedo[where], full, capture.unit)
 
     def in_stages(albedo: np.ndarray) -> float:
-        # There E of the best-lit skin is 1. A measured illuminance may be wrong by any factor.
-        gain = exposure.gain(known, albedo[where], 1.0, capture.unit)
-        return min(gain, exposure.within_one(_rows(problem, albedo)))
+        gain = exposure.gain(known, albedo[where], full_in_stages, capture.unit)
+        # A measured illuminance may be wrong by any factor.
+        return gain if known.lux is None else min(gain, exposure.within_one(albedo[inside]))
 
-    problem.gain = in_stages
+    problem.skin_gain = in_stages
     return pin
 
 
@@ -481,8 +485,8 @@ def _pinned(
 ) -> Estimate:
     """`estimate` with albedo times `gain` and a light under which it is as bright as before.
 
-    The light is not divided by `gain` alone: unless the stages had the same gain, light from skin
-    to skin changes with it.
+    The light is not divided by `gain` alone: the stages had another, and light from skin to skin
+    changes with it.
     """
     changed = estimate.brightened(gain)
     full = [

@@ -111,8 +111,19 @@ def test_a_measured_illuminance_is_that_of_the_result(white):
     np.testing.assert_allclose(*means, rtol=0.02)
 
 
-@pytest.mark.parametrize("said", ["auto", "skin=0.2", "3000lux"])
-def test_inter_reflection_takes_the_albedo_of_the_result(monkeypatch, said):
+def test_by_convention_a_white_card_would_be_brighter_than_the_photos_white(white):
+    """By 1 / 0.7 where the face is lit best, as long as albedo stays within 1."""
+    inside = white.mask > 0
+    assert white.gain == 0.7
+    full = np.percentile(white.diffuse_shading[inside].mean(axis=1), 99)
+    assert full == pytest.approx(1 / 0.7, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("said", "color"),
+    [("auto", "white"), ("skin=0.2", "white"), ("3000lux", "white"), ("3000lux", "4,2,1")],
+)
+def test_inter_reflection_takes_the_albedo_of_the_result(monkeypatch, said, color):
     """What the face reflects onto itself is always that of the albedo that is saved."""
     shown = []
     original = BounceUnder.shade
@@ -123,7 +134,9 @@ def test_inter_reflection_takes_the_albedo_of_the_result(monkeypatch, said):
 
     monkeypatch.setattr(BounceUnder, "shade", watched)
     seen = replace(tiny_run.capture(), unit=1000.0)
-    result = solve(seen, tiny_run.head(), tiny_run.settings(exposure=said))
+    settings = tiny_run.settings(exposure=said, light_color=color)
+    seen = with_light_color(seen, tiny_run.head(), Photo.of(seen.image), settings)
+    result = solve(seen, tiny_run.head(), settings)
     skin = (seen.regions.skin > 0.5) & (result.mask > 0)
     level = float(luminance(result.diffuse_albedo[skin]).mean())
     known = [float(luminance(albedo[skin]).mean()) for albedo in shown]

@@ -39,7 +39,7 @@ def test_from_stage_1_repeats_the_run(face, tmp_path):
 
 
 def test_a_painted_albedo_is_the_start(face, tmp_path):
-    """Without an iteration it comes back as painted, times the gain that every result is given."""
+    """Without an iteration it comes back as painted: the gain is undone and given again."""
     with pytest.MonkeyPatch.context() as patch:
         save_quickly(patch)
         save(face, tmp_path / "a")
@@ -53,6 +53,7 @@ def test_a_painted_albedo_is_the_start(face, tmp_path):
     inside = result.mask > 0
     gain = (result.diffuse_albedo / start.diffuse_albedo)[inside]
     np.testing.assert_allclose(gain, gain.mean(), rtol=1e-4)
+    assert gain.mean() == pytest.approx(1, rel=0.05)
     np.testing.assert_allclose(
         result.specular_albedo[inside], face.specular_albedo[inside], rtol=0.2
     )
@@ -82,5 +83,7 @@ def test_what_cannot_be_continued(face):
         continued(replace(face, fit=None), 2, tiny_run.settings())
     with pytest.raises(SettingsError, match="resolution=64"):
         continued(face, 2, tiny_run.settings(resolution=64))
+    with pytest.raises(SettingsError, match="head_model=ict: the saved result keeps its head"):
+        continued(face, 2, tiny_run.settings(head_model="ict"))
     with pytest.raises(SettingsError, match="choose 1 to 5"):
         continued(face, 6, tiny_run.settings())

@@ -5,7 +5,16 @@ import pytest
 from PIL import Image
 
 from unlit.errors import SettingsError
-from unlit.exposure import Known, check_unit, full_light, gain, parse, patch, within_one
+from unlit.exposure import (
+    Known,
+    check_unit,
+    conventional_gain,
+    full_light,
+    gain,
+    parse,
+    patch,
+    within_one,
+)
 from unlit.photo import Crop, unit_from_exif
 
 _TIME, _F_NUMBER, _SPEED = 0x829A, 0x829D, 0x8827
@@ -44,6 +53,8 @@ def test_the_gains():
     assert gain(Known(0.4), grey, 1.0, None) == pytest.approx(2)
     # 1,000 lux give a white Lambertian card 1,000 / pi cd/m^2.
     assert gain(Known(lux=500), grey, 0.5, 2000 / np.pi) == pytest.approx(2)
+    with pytest.raises(ValueError, match="neither"):
+        gain(Known(lux=500), grey, 0.5, None)
     with pytest.raises(SettingsError, match="500lux"):
         check_unit(Known(lux=500), None)
 
@@ -81,5 +92,6 @@ def test_albedo_stays_within_one():
     albedo = np.full((5000, 3), (0.8, 0.5, 0.4))
     albedo[0] = 3
     assert within_one(albedo) == pytest.approx(1.25)
+    assert conventional_gain(albedo) == 0.7
     albedo[:50] = (1.5, 0.8, 0.7)
-    assert within_one(albedo) == pytest.approx(1 / 1.5)
+    assert within_one(albedo) == conventional_gain(albedo) == pytest.approx(1 / 1.5)

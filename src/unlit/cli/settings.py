@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -97,10 +98,12 @@ def settings_of(options: argparse.Namespace) -> Settings:
         if getattr(options, name) is not None:
             changes[name] = getattr(options, name)
     if options.model is not None:
-        # A worker or a later run may have another working directory.
-        file = options.model.endswith(".npz")
-        changes["head_model"] = str(Path(options.model).resolve()) if file else options.model
+        changes["head_model"] = options.model
     settings = override(override(PRESETS[options.preset], changes), dict(options.set))
+    if settings.head_model.endswith(".npz"):
+        # A worker or a later run may have another working directory.
+        file = Path(settings.head_model).expanduser().resolve()
+        settings = replace(settings, head_model=str(file))
     if options.memory is not None:
         footprint.check_memory(options.memory, settings.resolution)
     return settings

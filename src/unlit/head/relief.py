@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
 
@@ -111,6 +112,13 @@ def _biharmonic(vertices: np.ndarray, triangles: np.ndarray, area: np.ndarray) -
     return (laplacian.T @ sp.diags(area) @ laplacian).tocsc()
 
 
+def loose_vertices(triangles: np.ndarray, count: int) -> np.ndarray:
+    """(V,) bool: those of the `count` vertices that are not of the largest connected piece."""
+    pairs = (triangles.ravel(), np.roll(triangles, 1, axis=1).ravel())
+    piece = connected_components(sp.coo_matrix((np.ones(triangles.size), pairs), (count, count)))[1]
+    return piece != np.argmax(np.bincount(piece))
+
+
 def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> Relief:
     """The relief of `model` over random ICT identities; weights as for Fitter."""
     fitter, registration = Fitter(model, weights), Registration(model)
@@ -119,8 +127,12 @@ def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> Relief:
         coefficients, _, placed = fitter.fit(surface)
         found.append(registration.heights(placed, coefficients))
     heights = np.array(found)
-    mirror = KDTree(model.neutral).query(model.neutral * (-1, 1, 1))[1]
+    # Eyeballs are pieces of their own and stay spheres: no vertex of theirs is a lid's image.
+    loose = loose_vertices(model.triangles, len(model.neutral))
+    apart = np.column_stack([model.neutral, 100 * loose])
+    mirror = KDTree(apart).query(apart * (-1, 1, 1, 1))[1]
     heights = np.concatenate([heights, heights[:, mirror]])
+    heights[:, loose] = 0
     mean = heights.mean(axis=0)
     _, sizes, rows = np.linalg.svd(heights - mean, full_matrices=False)
     deviations = sizes[:_COMPONENTS] / np.sqrt(len(heights))

@@ -119,7 +119,9 @@ class Problem:
         self.history: dict[str, list[tuple[int, float]]] = {}
         #: Of diffuse albedo (H, W, 3): the gain that makes it the skin's (exposure.py). Albedo as
         #: the stages hold it gives the picture, but inter-reflection needs the true one.
-        self.gain: Callable[[np.ndarray], float] = lambda _: exposure.CONVENTION
+        self.skin_gain: Callable[[np.ndarray], float] = lambda albedo: exposure.conventional_gain(
+            albedo.reshape(-1, 3)[self.pixel]
+        )
         self.mesh = Mesh(evidence.vertices, evidence.triangles)
         hits = self.mesh.camera_hits(self.camera)
         seen = hits.pixel.numpy()
@@ -234,7 +236,9 @@ class Shading:
 
         gain: of albedo, the problem's if None; 1 for maps that have it already.
         """
-        maps = maps.brightened(self.problem.gain(maps.diffuse_albedo) if gain is None else gain)
+        maps = maps.brightened(
+            self.problem.skin_gain(maps.diffuse_albedo) if gain is None else gain
+        )
         change = self.problem.settings.gloss_change
         flux = self.directions.flux(radiance)
         if self.gloss is None or self.gloss.change(flux) > change:

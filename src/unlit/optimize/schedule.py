@@ -86,7 +86,8 @@ class Settings:
     #: Bounds of the sharpness during the optimisation.
     min_sharpness: float = 4.0
     max_sharpness: float = 600.0
-    #: Specular albedo of a clean skin surface, from which every region starts.
+    #: Specular albedo of a clean skin surface, from which every region starts; before the gain of
+    #: what is saved (exposure.py).
     nominal_specular: float = 1.0
     #: Cost of gloss that departs from it, |rho_s - nominal| S: under an even light a veil of gloss
     #: can hardly be told from paler albedo. Weak, so that highlights decide where there are any.
