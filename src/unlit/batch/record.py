@@ -10,6 +10,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from ..head.library import DEFAULT, model_file
+
 #: Version of the file.
 FORMAT = 1
 
@@ -67,19 +69,22 @@ class Record:
 
 
 def content_key(photo: Path, settings: dict[str, Any], face: str | int) -> str:
-    """Changes with what a result is made from: photo, settings, face, unlit's version.
+    """Changes with what a result is made from: photo, settings, head, face, unlit's version.
 
-    "" for a photo that cannot be read, of which there is no result.
+    "" for a photo or head model that cannot be read, of which there is no result.
     """
+    model = model_file(str(settings.get("head_model", DEFAULT)))
+    contents = []
     try:
-        if not photo.is_file():  # a pipe would never end
-            return ""
-        with photo.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256")
+        for path in (photo, *([model] if model else [])):
+            if not path.is_file():  # a pipe would never end
+                return ""
+            with path.open("rb") as file:
+                contents.append(hashlib.file_digest(file, "sha256").hexdigest())
     except (OSError, ValueError):
         return ""
-    digest.update(json.dumps([settings, face, version("unlit")], sort_keys=True).encode())
-    return digest.hexdigest()
+    parts = [*contents, settings, face, version("unlit")]
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 def readable(text: str) -> str:

@@ -38,15 +38,18 @@ def head_model(name: str) -> HeadModel:
     """The default model, an added one by name, or that in a file. Raises ModelError."""
     if name == DEFAULT:
         return default_model()
-    if name.endswith(_SUFFIX):
-        return _of_file(Path(name).expanduser())
+    if file := model_file(name):
+        return _of_file(file)
     known = added()
-    if name in known:
-        return _of_file(known[name])
     hint = "" if "ict" in known else "; `unlit models add ict FOLDER` adds ICT-FaceKit"
     raise ModelError(
         f"{name}: no such head model; give {', '.join((DEFAULT, *known))} or an .npz file{hint}"
     )
+
+
+def model_file(name: str) -> Path | None:
+    """Where the model `name` is kept; None for the default, and for a name that none has."""
+    return Path(name).expanduser() if name.endswith(_SUFFIX) else added().get(name)
 
 
 def model_key(model: HeadModel) -> str:

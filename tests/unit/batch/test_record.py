@@ -64,6 +64,12 @@ def test_the_key_follows_everything_that_matters(tmp_path):
     other.write_bytes(b"else")
     assert len({key, content_key(other, {"a": 1}, "only"), content_key(one, {"a": 2}, "only")}) == 3
     assert content_key(one, {"a": 1}, 0) != key
+    model = tmp_path / "head.npz"
+    keys = set()
+    for content in (b"one head", b"another"):
+        model.write_bytes(content)
+        keys.add(content_key(one, {"head_model": str(model)}, "only"))
+    assert len(keys) == 2
 
 
 def test_no_key_without_a_photo(tmp_path):
