@@ -16,6 +16,8 @@ _SHADOW = 0.1  # of the strongest light on the face, which is 1 by convention
 _SHADOWED_SHARE = 0.1
 _CLIPPED_SHARE = 0.01
 _NEAR = 0.995
+#: Enlargement of the photo from which it is worth telling.
+_ENLARGED = 1.1
 #: Of the eye distance: 0.018 to 0.048 on portraits that fitted well (docs/method.md).
 _RESIDUAL = 0.055
 
@@ -98,7 +100,7 @@ def _at_bound(share: float) -> str:
 def _small(r: Reconstruction, inside: np.ndarray) -> str:
     columns = np.flatnonzero(inside.any(axis=0))
     width = (columns[-1] - columns[0] + 1) / r.crop.scale
-    if r.crop.scale <= 1:
+    if r.crop.scale < _ENLARGED:
         return ""
     return (
         f"Small face: it is some {width:.0f} pixels wide in the photo, which was enlarged "

@@ -66,6 +66,8 @@ def test_a_small_face_is_told_in_pixels_of_the_photo(face):
     (sentence,) = findings(replace(face, crop=crop))
     assert f"some {width:.0f} pixels wide" in sentence
     assert "3.0 times" in sentence
+    crop = Crop(np.array([[1.05, 0, 0], [0, 1.05, 0]]), face.crop.resolution)
+    assert findings(replace(face, crop=crop)) == []
 
 
 @pytest.mark.parametrize(("residual", "count"), [(0.03, 0), (0.09, 1), (None, 0), ("x", 0)])
