@@ -334,6 +334,8 @@ def choose(faces: list[Face], which: str | int, source: str) -> Face:
         return (min if which == "left" else max)(faces, key=lambda face: face.box[0] + face.box[2])
     if isinstance(which, int) and 0 <= which < len(faces):
         return faces[which]
+    if len(faces) == 1:
+        raise FaceError(f"{source}: no face {which!r}; only one found: leave --face out")
     raise FaceError(
         f"{source}: no face {which!r}; {len(faces)} found: use largest, left, right or 0 to "
         f"{len(faces) - 1}"

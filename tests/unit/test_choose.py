@@ -38,6 +38,8 @@ def test_no_choice(which: str | int, reason: str) -> None:
         choose(FACES, which, "a.jpg")
     with pytest.raises(FaceError, match="no face found"):
         choose([], which, "a.jpg")
+    with pytest.raises(FaceError, match="only one found: leave --face out"):
+        choose(FACES[:1], 1, "a.jpg")
 
 
 def test_the_command_takes_them(capsys: pytest.CaptureFixture[str]) -> None:
@@ -47,3 +49,6 @@ def test_the_command_takes_them(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["reconstruct", "none.jpg", "-o", "out", "--face", "middle"])
     assert "write largest, left, right, or a number" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["reconstruct", "none.jpg", "-o", "out", "--face", "all"])
+    assert "`unlit batch` can do" in capsys.readouterr().err

@@ -79,8 +79,7 @@ class BatchConsole:
             parts.append(f"{counts.workers} worker{'' if counts.workers == 1 else 's'}")
             if counts.running:
                 parts.append(f"{counts.running} running for up to {clock(counts.longest)}")
-            new = counts.done + counts.failed
-            if new:
-                seconds = (now - self._began) / new * (counts.photos - counts.finished)
+            if counts.done:  # what fails mostly does so at once, and tells nothing of the rest
+                seconds = (now - self._began) / counts.done * (counts.photos - counts.finished)
                 parts.append(f"{clock(seconds)} left")
         return ", ".join(parts)

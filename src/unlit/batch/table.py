@@ -14,6 +14,8 @@ from .store import Store
 
 #: A cell that a spreadsheet would take for a formula.
 _FORMULA = ("=", "+", "-", "@")
+#: Columns of text; all others are numbers.
+_TEXT = ("photo", "status", "folder", "warnings", "error")
 _STYLE = """
 body { font: 14px/1.4 system-ui, sans-serif; margin: 2em; }
 table { border-collapse: collapse; }
@@ -69,10 +71,9 @@ def as_csv(lines: list[dict[str, Any]]) -> bytes:
 def as_html(lines: list[dict[str, Any]]) -> bytes:
     """One page without scripts, with a link to each result's montage."""
     failed = sum(line["status"] == "failed" for line in lines)
-    numeric = {name for line in lines for name, cell in line.items() if isinstance(cell, float)}
 
     def cell(name: str, value: Any) -> str:
-        if name in numeric:
+        if name not in _TEXT:
             return f'<td class="number">{"" if value is None else f"{value:.4g}"}</td>'
         text = html.escape(value)
         if name == "folder" and value:
@@ -80,7 +81,7 @@ def as_html(lines: list[dict[str, Any]]) -> bytes:
         return f"<td>{text}</td>"
 
     def title(name: str) -> str:
-        kind = ' class="number"' if name in numeric else ""
+        kind = "" if name in _TEXT else ' class="number"'
         return f"<th{kind}>{html.escape(name.replace('_', ' '))}</th>"
 
     head = "".join(title(name) for name in (lines[0] if lines else {}))
@@ -102,8 +103,7 @@ def as_parquet(lines: list[dict[str, Any]]) -> bytes:
     import pyarrow.parquet as parquet
 
     columns = {name: [line[name] for line in lines] for name in (lines[0] if lines else {})}
-    text = {"photo", "status", "folder", "warnings", "error"}
-    kinds = {name: pa.string() if name in text else pa.float64() for name in columns}
+    kinds = {name: pa.string() if name in _TEXT else pa.float64() for name in columns}
     buffer = io.BytesIO()
     parquet.write_table(
         pa.table({name: pa.array(cells, kinds[name]) for name, cells in columns.items()}), buffer

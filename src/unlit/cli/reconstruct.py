@@ -90,7 +90,7 @@ def reconstruct_into(
 
     mask: a picture file. resume: go on with an unfinished run.
     """
-    from ..console import RunConsole
+    from ..console import RunConsole, standard_error
 
     settings = settings_of(options)
     from ..output import CHECKPOINT, RESULT_FILES, needed_bytes, reserve
@@ -108,6 +108,8 @@ def reconstruct_into(
         checkpoint = Checkpoint(folder / CHECKPOINT, resume)
         if resume and not checkpoint.stage and (folder / MARK).exists():
             _check_finished(folder, photo, settings)
+            line = f"{folder}: finished before, nothing to resume"
+            standard_error().print(line, markup=False, soft_wrap=True)
             print(folder / "montage.png")
             return 0
         iterations = settings.iterations(checkpoint.stage)

@@ -148,4 +148,6 @@ def _face(text: str) -> str | int:
         return text
     if text.isdecimal():
         return int(text)
+    if text == "all":
+        raise argparse.ArgumentTypeError("all faces of a photo are what `unlit batch` can do")
     raise argparse.ArgumentTypeError(f"{text!r}: write largest, left, right, or a number from 0")

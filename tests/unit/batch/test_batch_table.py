@@ -31,6 +31,15 @@ def test_csv_holds_every_number():
     assert "\x1b" not in lines[2]["photo"]
 
 
+def test_where_every_photo_failed():
+    """Columns without a single number are empty, in every format."""
+    lines = table([Row("/p/a.jpg", error="cut off"), Row("/p/b.txt", error="not a picture")])
+    page = as_html(lines).decode()
+    assert "0 done, 2 failed" in page and "cut off" in page and "None" not in page
+    assert len(list(csv.DictReader(io.StringIO(as_csv(lines).decode())))) == 2
+    assert as_parquet(lines)
+
+
 def test_html_is_escaped():
     """A photo's name is text, and the link of a result stays inside the folder."""
 
