@@ -87,7 +87,7 @@ def clean(shared: Path, skin: str) -> tuple[Any, np.ndarray, Capture, Reconstruc
     return subject, image, *reconstructed(image, subject)
 
 
-_BRIGHTER = pytest.mark.xfail(strict=True, reason="4.5 dB, of brightness: docs/method.md, 9, 12.8")
+_BRIGHTER = pytest.mark.xfail(strict=True, reason="3.9 dB, of brightness: docs/method.md, 9, 12.8")
 
 
 @pytest.mark.long
