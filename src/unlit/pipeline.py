@@ -492,7 +492,7 @@ def _pinned(
     """
     changed = estimate.brightened(gain)
     full = [
-        exposure.full_light(image.reshape(-1, 3)[problem.pixel])
+        exposure.full_light(_rows(problem, image))
         for image in (e, _shade(problem, shading, changed, gain=1.0)[0])
     ]
     rest = float(np.log(full[0] / (gain * full[1])))

@@ -25,6 +25,7 @@ from scipy.spatial import KDTree
 
 from ..assets import ASSETS, asset, cache_folder
 from ..errors import ModelError
+from ..fingerprint import key
 from ..npy import DAMAGED, reason
 from ..perception.topology import LEFT_LID_GAP, RIGHT_LID_GAP
 from ..scene.normals import vertex_normals
@@ -151,14 +152,8 @@ def _build(
 
 def _key() -> str:
     """Changes with the asset, this module's version, and what is shipped for the head."""
-    digest = hashlib.sha256(f"{BUILDER_VERSION} {ASSETS[ASSET].sha256} ".encode())
-    embedding = shipped_embedding()
-    digest.update(embedding.triangle.tobytes() + embedding.barycentric.tobytes())
-    prior = shipped_prior()
-    digest.update(prior.mean.tobytes() + prior.combinations.tobytes())
-    relief = shipped_relief()
-    digest.update(relief.mean.tobytes() + relief.components.tobytes())
-    return digest.hexdigest()[:16]
+    shipped = sorted(Path(__file__).parent.glob("makehuman_*.npz"))
+    return key(BUILDER_VERSION, ASSETS[ASSET].sha256, *(file.read_bytes() for file in shipped))
 
 
 class _Source:

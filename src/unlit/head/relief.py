@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
 
 from ..scene.normals import vertex_normals
 from .basis import vertex_areas
+from .eyelids import eyeballs
 from .model import VERTEX_REGIONS, HeadModel
 from .prior import Fitter, Surface, identities
 
@@ -112,13 +112,6 @@ def _biharmonic(vertices: np.ndarray, triangles: np.ndarray, area: np.ndarray) -
     return (laplacian.T @ sp.diags(area) @ laplacian).tocsc()
 
 
-def loose_vertices(triangles: np.ndarray, count: int) -> np.ndarray:
-    """(V,) bool: those of the `count` vertices that are not of the largest connected piece."""
-    pairs = (triangles.ravel(), np.roll(triangles, 1, axis=1).ravel())
-    piece = connected_components(sp.coo_matrix((np.ones(triangles.size), pairs), (count, count)))[1]
-    return piece != np.argmax(np.bincount(piece))
-
-
 def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> Relief:
     """The relief of `model` over random ICT identities; weights as for Fitter."""
     fitter, registration = Fitter(model, weights), Registration(model)
@@ -127,12 +120,12 @@ def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> Relief:
         coefficients, _, placed = fitter.fit(surface)
         found.append(registration.heights(placed, coefficients))
     heights = np.array(found)
-    # Eyeballs are pieces of their own and stay spheres: no vertex of theirs is a lid's image.
-    loose = loose_vertices(model.triangles, len(model.neutral))
-    apart = np.column_stack([model.neutral, 100 * loose])
+    # Eyeballs stay spheres, and no vertex of theirs is a lid's mirror image.
+    balls = np.any(eyeballs(model), axis=0)
+    apart = np.column_stack([model.neutral, 100 * balls])
     mirror = KDTree(apart).query(apart * (-1, 1, 1, 1))[1]
     heights = np.concatenate([heights, heights[:, mirror]])
-    heights[:, loose] = 0
+    heights[:, balls] = 0
     mean = heights.mean(axis=0)
     _, sizes, rows = np.linalg.svd(heights - mean, full_matrices=False)
     deviations = sizes[:_COMPONENTS] / np.sqrt(len(heights))
