@@ -33,21 +33,17 @@ def kept_fit(face: Reconstruction, stage: int, settings: Settings) -> Fit:
         )
     if not 1 <= stage <= len(TABLE_1):
         raise SettingsError(f"stage {stage}: choose 1 to {len(TABLE_1)}")
-    if settings.light_color != face.settings.get("light_color", "white"):
-        raise SettingsError(
-            f"light_color={settings.light_color}: the saved result keeps its light's colour; "
-            "reconstruct the photo again to change it"
-        )
-    if settings.head_model != face.settings.get("head_model", Settings.head_model):
-        raise SettingsError(
-            f"head_model={settings.head_model}: the saved result keeps its head; reconstruct the "
-            "photo again to change it"
-        )
-    if settings.resolution != len(face.image):
-        raise SettingsError(
-            f"resolution={settings.resolution}: the saved result has {len(face.image)}; "
-            "reconstruct the photo again to change it"
-        )
+    saved = {
+        "light_color": face.settings.get("light_color", "white"),
+        "head_model": face.settings.get("head_model", Settings.head_model),
+        "resolution": len(face.image),
+    }
+    for name, value in saved.items():
+        if (wanted := getattr(settings, name)) != value:
+            raise SettingsError(
+                f"{name}={wanted}: the saved result keeps its own, {value}; reconstruct the photo "
+                "again to change it"
+            )
     return face.fit
 
 

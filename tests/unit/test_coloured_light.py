@@ -167,5 +167,5 @@ def test_saved_and_continued(coloured, pinned, tmp_path):
     np.testing.assert_allclose(
         continued(b, 5, still).diffuse_albedo[inside], pinned.diffuse_albedo[inside], rtol=1e-3
     )
-    with pytest.raises(SettingsError, match="keeps its light's colour"):
+    with pytest.raises(SettingsError, match="keeps its own, "):
         continued(a, 4, tiny_run.settings())

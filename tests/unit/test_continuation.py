@@ -83,7 +83,7 @@ def test_what_cannot_be_continued(face):
         continued(replace(face, fit=None), 2, tiny_run.settings())
     with pytest.raises(SettingsError, match="resolution=64"):
         continued(face, 2, tiny_run.settings(resolution=64))
-    with pytest.raises(SettingsError, match="head_model=ict: the saved result keeps its head"):
+    with pytest.raises(SettingsError, match="head_model=ict: the saved result keeps its own"):
         continued(face, 2, tiny_run.settings(head_model="ict"))
     with pytest.raises(SettingsError, match="choose 1 to 5"):
         continued(face, 6, tiny_run.settings())
