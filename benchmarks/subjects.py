@@ -87,12 +87,12 @@ def own(
     return Subject(f"own-{skin}", vertices, model.triangles, camera, maps, mask)
 
 
-def ict(skin: str, seed: int, size: int) -> Subject:
-    """A random person of another head model (tests/ict.py)."""
+def ict(skin: str, seed: int, size: int, yaw: float = 0.0) -> Subject:
+    """A random person of another head model (tests/ict.py), turned by `yaw` degrees."""
     sys.path.insert(0, str(ROOT / "tests"))
     from ict import ict_subject
 
-    return ict_subject(SHARED, skin, seed, size)
+    return ict_subject(SHARED, skin, seed, size, yaw)
 
 
 def lee_perry_smith(size: int, yaw: float = 0.0) -> Scan:
