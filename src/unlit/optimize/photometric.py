@@ -388,8 +388,7 @@ class _System:
     def _prior(self, look: _Look) -> tuple[np.ndarray, np.ndarray]:
         """Precision of light, albedo and gloss, and their distance from what is likeliest."""
         settings = self.settings
-        # In cells of the starting grid, so that cutting a cell does not change what evenness costs.
-        area = self.cells.solid_angle * (2 * settings.cells**2 / (4 * np.pi))
+        area = self.cells.solid_angle / self.cells.solid_angle.mean()
         mean = np.average(look.light[:-1], weights=area)
         likely = np.append(np.full(len(area), mean), _ALBEDO * mean)
         light = np.append(settings.evenness * area, _ALBEDO**-2) / mean**2
