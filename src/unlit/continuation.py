@@ -35,6 +35,7 @@ def kept_fit(face: Reconstruction, stage: int, settings: Settings) -> Fit:
         raise SettingsError(f"stage {stage}: choose 1 to {len(TABLE_1)}")
     saved = {
         "light_color": face.settings.get("light_color", "white"),
+        "cast_shadows": face.settings.get("cast_shadows", Settings.cast_shadows),
         "head_model": face.settings.get("head_model", Settings.head_model),
         "resolution": len(face.image),
     }
@@ -72,6 +73,7 @@ def continued(
         face.light.color,
         metrics.get("light_color"),
         unit if isinstance(unit, float) else None,
+        face.lit,
     )
     head = Head(
         fit.vertices,

@@ -35,6 +35,7 @@ def findings(r: Reconstruction) -> list[str]:
     bound = bound if isinstance(bound, float) else Settings.max_diffuse
     found = [
         _shadowed(_share(shading[inside].mean(axis=1) < _SHADOW)),
+        "" if r.lit is None else _cast_shadow(_share(r.lit[inside] < 0.5)),
         _saturated(_share((photo >= EXPOSED[1]).any(axis=1))),
         _crushed(_share((photo <= EXPOSED[0]).all(axis=1))),
         _impossible(_share((r.diffuse_albedo[inside] > 1).any(axis=1))),
@@ -57,6 +58,14 @@ def _shadowed(share: float) -> str:
     return (
         f"Shadowed: {share:.0%} of the face gets less than {_SHADOW:.0%} of the strongest light. "
         "There the albedo is a guess from few grey levels."
+    )
+
+
+def _cast_shadow(share: float) -> str:
+    return (
+        f"Cast shadow: {share:.0%} of the face seems to lie in the shadow of something else (hair, "
+        "a hat, a hand). There the maps are filled in from around; if it is the skin itself that "
+        "is dark, use --cast-shadows keep."
     )
 
 

@@ -26,6 +26,7 @@ from .head.library import head_model, model_key
 from .head.model import LANDMARKS, HeadModel
 from .illuminant import WHITE
 from .mask import painted, read_mask
+from .optimize.cast_shadow import cast_shadow
 from .optimize.checkpoint import Checkpoint
 from .optimize.light_color import estimated_color
 from .optimize.photometric import photometric_fit
@@ -34,6 +35,7 @@ from .optimize.schedule import PRESETS, Settings, as_dict
 from .optimize.stages import Begin, run_stages, start
 from .perception.landmarks import Face, find_faces
 from .perception.regions import Regions, segment
+from .perception.topology import CHIN, HAIRLINE, NOSE_BASE
 from .photo import Crop, Photo, face_crop, read_photo
 from .reconstruction import Fit, Reconstruction
 from .scene.arrays import device
@@ -64,7 +66,8 @@ class Capture:
 
     image: (S, S, 3) linear sRGB. landmarks: (478, 3) crop pixels. Together with `camera`, all
     that the later steps see of the photo. light_color: (3,) linear sRGB (`illuminant.fitting`).
-    light_found: what an estimate of it says of itself, for metrics.json. unit: as in Photo.
+    light_found: what an estimate of it says of itself, for metrics.json. unit: as in Photo. lit:
+    (S, S) in [0, 1], 0 in the shadow of something else (optimize/cast_shadow.py); None without one.
     """
 
     photo_name: str
@@ -76,6 +79,7 @@ class Capture:
     light_color: np.ndarray = field(default_factory=WHITE.copy)
     light_found: dict[str, float] | None = None
     unit: float | None = None
+    lit: np.ndarray | None = None
 
     @property
     def balanced(self) -> np.ndarray:
@@ -175,6 +179,8 @@ def reconstruct(
     capture = with_light_color(capture, head, loaded, settings)
     if capture.light_found is not None:
         clock.lap("light color")
+    capture = without_cast_shadow(capture, head, settings)
+    clock.lap("cast shadow")
     if checkpoint is None:
         return solve(capture, head, settings, progress, preview, clock)
     return solve(
@@ -246,6 +252,16 @@ def with_light_color(capture: Capture, head: Head, photo: Photo, settings: Setti
         color, found = estimated_color(evidence(capture, head), settings)
     face = capture.image[capture.regions.face > 0.5]
     return replace(capture, light_color=illuminant.fitting(color, face), light_found=found)
+
+
+def without_cast_shadow(capture: Capture, head: Head, settings: Settings) -> Capture:
+    """`capture` with what lies in the shadow of something else marked, if the settings ask."""
+    if settings.cast_shadows == "keep":
+        return capture
+    top, chin, nose = capture.landmarks[[HAIRLINE, CHIN, NOSE_BASE], :2]
+    pixels = np.indices(capture.image.shape[:2])[::-1] + 0.5
+    above = np.tensordot(top - chin, pixels, axes=1) > (top - chin) @ nose
+    return replace(capture, lit=cast_shadow(evidence(capture, head), above, settings))
 
 
 def solve(
@@ -355,11 +371,12 @@ def crop_camera(photo: Photo, crop: Crop) -> Camera:
 def evidence(capture: Capture, head: Head) -> Evidence:
     """What the optimisation may use of the photo: soft masks, trust per pixel, the mesh."""
     face = capture.regions.face
+    weight = face if capture.lit is None else face * capture.lit
     return Evidence(
         image=capture.balanced,
         regions=capture.regions.weights[..., :4],
         mask=face > 0.5,
-        weight=face,
+        weight=weight,
         camera=capture.camera,
         vertices=head.vertices,
         triangles=head.triangles,
@@ -432,6 +449,7 @@ def _result(
         settings=as_dict(problem.settings),
         metrics=metrics,
         gain=gain,
+        lit=capture.lit,
         fit=Fit(
             np.asarray(head.vertices, np.float32),
             np.asarray(problem.evidence.landmarks, np.float32),

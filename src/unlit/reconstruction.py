@@ -50,7 +50,9 @@ class Reconstruction:
     light: the 648 spherical Gaussians, and their colour. gain: what albedo was multiplied with, and
     light divided by, after the stages (setting `exposure`). photo_name: the photo's file name.
     settings, metrics: plain values, as saved in reconstruction.toml and metrics.json.
-    fit: what the stages started from; None in results saved before it was kept.
+    fit: what the stages started from; None in results saved before it was kept. lit: (S, S) in
+    [0, 1], 0 where something else casts a shadow on the face, so that the maps are filled in from
+    around; None without such a shadow.
     """
 
     photo_name: str
@@ -77,6 +79,7 @@ class Reconstruction:
     metrics: dict[str, Any]
     fit: Fit | None = None
     gain: float = 1.0
+    lit: np.ndarray | None = None
 
     @property
     def light_color(self) -> np.ndarray:

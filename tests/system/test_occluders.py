@@ -14,7 +14,7 @@ from scipy import ndimage
 
 import unlit
 from unlit.evaluate.metrics import best_gain
-from unlit.pipeline import Capture, Head, observe, solve
+from unlit.pipeline import Capture, Head, observe, solve, without_cast_shadow
 from unlit.psnr import psnr
 from unlit.reconstruction import Reconstruction
 
@@ -62,6 +62,16 @@ def saturated(
     return np.minimum(image / level, 1), (image >= level).any(axis=2)
 
 
+def hat(image: np.ndarray, points: np.ndarray, _: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The shadow of a brim down to just above the brows, an eighth of the light left."""
+    brows = points[BROWS]
+    y, x = np.mgrid[0 : image.shape[0], 0 : image.shape[1]]
+    slope = np.diff(brows[:, 1])[0] / np.diff(brows[:, 0])[0]
+    below = y - (brows[0, 1] + (x - brows[0, 0]) * slope - 6 + 4 * np.sin(x / 9))
+    left = 0.125 + 0.875 / (1 + np.exp(-below))
+    return image * left[..., None], left < 0.95
+
+
 def _painted(image: np.ndarray, where: np.ndarray, values: np.ndarray) -> np.ndarray:
     out = image.copy()
     out[where] = values
@@ -73,6 +83,7 @@ def reconstructed(image: np.ndarray, subject: Any) -> tuple[Capture, Reconstruct
     photo = unlit.Photo.of(image.astype(np.float32))
     capture = observe(photo, SIZE, camera=subject.camera)
     head = Head.of_mesh(subject.vertices, subject.triangles)
+    capture = without_cast_shadow(capture, head, unlit.PRESETS["draft"])
     return capture, solve(capture, head, unlit.PRESETS["draft"])
 
 
@@ -94,7 +105,7 @@ _BRIGHTER = pytest.mark.xfail(strict=True, reason="3.9 dB, of brightness: docs/m
 @pytest.mark.parametrize(
     ("skin", "spoil"),
     [
-        *itertools.product(["light", "dark"], [strip, sunglasses]),
+        *itertools.product(["light", "dark"], [strip, sunglasses, hat]),
         ("light", saturated),
         pytest.param("dark", saturated, marks=_BRIGHTER),
     ],
@@ -112,3 +123,16 @@ def test_the_rest_of_the_skin_keeps_its_albedo(shared: Path, skin: str, spoil: A
         for albedo in (whole.diffuse_albedo, face.diffuse_albedo)
     )
     assert after > before - 1.0
+
+
+@pytest.mark.long
+def test_a_cast_shadow_is_not_painted_into_the_albedo(shared: Path) -> None:
+    """Under the brim it is filled in from around."""
+    subject, image, capture, _ = clean(shared, "light")
+    spoilt, where = hat(image, capture.landmarks[:, :2], subject.mask)
+    capture, face = reconstructed(spoilt, subject)
+    assert capture.lit is not None
+    inside = subject.mask & (face.mask > 0.5) & (capture.regions.eyebrows < 0.1)
+    true, lit = subject.maps.diffuse_albedo, inside & ~where
+    gain = best_gain(face.diffuse_albedo, true, lit)
+    assert psnr(face.diffuse_albedo * gain, true, inside & where) > 22

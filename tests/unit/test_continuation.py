@@ -11,6 +11,7 @@ from small_head import save_quickly
 from unlit.continuation import continued
 from unlit.errors import OutputError, SettingsError
 from unlit.output import edited, load, save
+from unlit.pipeline import solve
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +37,26 @@ def test_from_stage_1_repeats_the_run(face, tmp_path):
     np.testing.assert_array_equal(again.light.amplitude, face.light.amplitude)
     assert again.metrics["losses"] == face.metrics["losses"]
     assert again.metrics["continued_from_stage"] == 1
+
+
+def test_a_cast_shadow_is_no_evidence(face):
+    """What is dark there leaves no trace in the light; continued, it is left out again."""
+    seen = tiny_run.capture()
+    lit = np.ones(seen.image.shape[:2], np.float32)
+    lit[:14] = 0
+    image = seen.image.copy()
+    image[:14] *= 0.3
+    dark = replace(seen, image=image, lit=lit)
+    result = solve(dark, tiny_run.head(), tiny_run.settings())
+    other = solve(replace(seen, lit=lit), tiny_run.head(), still())
+    np.testing.assert_array_equal(result.lit, lit)
+    assert result.mask[:14].max() == 1
+    # Base colours begin with medians that the shadow takes part in, hence not to the bit.
+    here = np.s_[:10]
+    ratio = (result.diffuse_albedo / other.diffuse_albedo)[here][result.mask[here] > 0]
+    assert np.median(ratio) > 0.9
+    again = continued(result, 1, tiny_run.settings())
+    np.testing.assert_array_equal(again.diffuse_albedo, result.diffuse_albedo)
 
 
 def test_a_painted_albedo_is_the_start(face, tmp_path):

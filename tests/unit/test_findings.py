@@ -46,6 +46,13 @@ def test_each_names_its_share(face, images, share, word):
     assert sentence.startswith(word)
 
 
+def test_a_cast_shadow_names_its_share(face):
+    inside = face.mask > 0
+    lit = np.where(np.cumsum(inside).reshape(inside.shape) < 0.2 * inside.sum(), 0, 1)
+    (sentence,) = findings(replace(face, lit=lit.astype(np.float32)))
+    assert sentence.startswith("Cast shadow: 20% of the face")
+
+
 def test_an_albedo_at_its_bound_is_seen_behind_the_gain(face):
     """What was lowered to 1 at the end may have stopped at the stages' bound."""
     lowered = replace(spoilt(face, 0.03, diffuse_albedo=1.0), gain=1 / Settings().max_diffuse)

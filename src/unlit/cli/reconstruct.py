@@ -167,6 +167,7 @@ def _continue(options: argparse.Namespace) -> int:
         "--memory": options.memory is not None,
         "--seed": options.seed is not None,
         "--light-color": options.light_color is not None,
+        "--cast-shadows": options.cast_shadows is not None,
         "--config": options.config is not None,
         "--face": options.face != "only",
     }

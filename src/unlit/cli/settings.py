@@ -63,6 +63,12 @@ def add_settings(
         "without it a white card in full light would be 1.4 times as bright as the photo's white",
     )
     parser.add_argument(
+        "--cast-shadows",
+        choices=("auto", "keep"),
+        help="auto (default): where hair, a hat or a hand seems to cast a shadow on the face, fill "
+        "the maps in from around; keep: take the photo as it is",
+    )
+    parser.add_argument(
         "--set",
         action="append",
         default=[],
@@ -94,7 +100,7 @@ def settings_of(options: argparse.Namespace) -> Settings:
     changes: dict[str, Any] = {}
     if options.config is not None:
         changes |= _config(Path(options.config))
-    for name in ("resolution", "seed", "light_color", "exposure"):
+    for name in ("resolution", "seed", "light_color", "exposure", "cast_shadows"):
         if getattr(options, name) is not None:
             changes[name] = getattr(options, name)
     if options.model is not None:

@@ -23,7 +23,7 @@ from ..head.model import HeadModel
 from ..optimize.problem import Progress
 from ..optimize.schedule import Settings, as_dict
 from ..photo import Photo
-from ..pipeline import Head, fitted_head, observe, solve, with_light_color
+from ..pipeline import Head, fitted_head, observe, solve, with_light_color, without_cast_shadow
 from ..psnr import psnr
 from ..reconstruction import Reconstruction
 from ..render.relight import traced
@@ -35,6 +35,9 @@ from .subject import Subject, visible_surface
 _EXPOSED = 0.8
 #: Points of each surface that take part in the distance of meshes.
 _POINTS = 20_000
+#: The code that decides the errors of the maps, and the metrics of a picture.
+_MAPS = ("evaluate/metrics.py", "evaluate/protocol.py", "evaluate/subject.py", "psnr.py", "scene")
+_METRICS = ("evaluate/metrics.py", "evaluate/lpips.py", "psnr.py")
 #: The subject's seed is 2 k, the reconstruction's 2 k + 1: their noise must not agree.
 _RELIT = 1
 
@@ -165,7 +168,7 @@ class Study:
         relit = tuple(self._relit(step, face, mask, other) for other in shots)
         maps = self.store.values(
             f"{step[0]}-maps",
-            key(step, self.content, mask, code(("evaluate/metrics.py", "evaluate/protocol.py"))),
+            key(step, self.content, mask, code(_MAPS)),
             lambda: map_errors(face, self.subject, mask),
         )
         return Row(shot.light.name, variant, shot.image, face, mask, relit, maps)
@@ -201,7 +204,7 @@ class Study:
         )
         metrics = self.store.values(
             f"{step[0]}-metrics-{light.name}",
-            key(picture, shot.image, mask, code(("evaluate/metrics.py", "evaluate/lpips.py"))),
+            key(picture, shot.image, mask, code(_METRICS)),
             lambda: compare(image, shot.image, mask),
         )
         return Relit(light.name, image, shot.image, metrics)
@@ -216,6 +219,7 @@ class Study:
                 else fitted_head(capture, self._head)
             )
             capture = with_light_color(capture, head, source, settings)
+            capture = without_cast_shadow(capture, head, settings)
             return solve(capture, head, settings, progress)
 
     def _relight(self, face: Reconstruction, environment: np.ndarray) -> np.ndarray:

@@ -14,20 +14,17 @@ which the locus crosses (Finlayson and Schaefer 2001, there without geometry).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy import ndimage
 
 from ..illuminant import HIGHEST, LOWEST, WHITE, of_temperature
-from ..scene.cells import grid_cells, refine
-from ..scene.lobes import CellRadiance
-from .problem import Evidence, Problem, Shading
+from .first_look import first_look
+from .problem import Evidence
 from .schedule import Settings
-from .stages import exposed, stage1, start
 
-_ITERATIONS = 100
 # Lengths for a crop of 256 pixels. Slopes are of what is left when means over _SPREAD are taken
 # away; pixels nearer than _MARGIN to what is no plain skin are left out; image and model are
 # blurred by _BLUR.
@@ -65,12 +62,12 @@ def estimated_color(evidence: Evidence, settings: Settings) -> tuple[np.ndarray,
     low, high: one deviation about it; excess: squared deviations by which white is less likely;
     used: whether it was taken.
     """
-    short = replace(settings, stage1=replace(settings.stage1, iterations=_ITERATIONS))
     try:
-        problem = Problem(evidence, short, lambda *_: None)
+        look = first_look(evidence, settings)
     except ValueError:  # the head and the mask do not overlap: `solve` says so
         return WHITE.copy(), {"used": False}
-    found = slopes(*_shaded(problem))
+    e, s = look.diffuse_shading, look.specular_shading
+    found = slopes(evidence.image, e, s, _plain_skin(evidence) & (e > _DARKEST))
     if found is None:
         return WHITE.copy(), {"used": False}
     mired, deviation, excess = most_likely(found)
@@ -85,21 +82,11 @@ def estimated_color(evidence: Evidence, settings: Settings) -> tuple[np.ndarray,
     return (of_temperature(1e6 / mired) if told else WHITE.copy()), about
 
 
-def _shaded(problem: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Photo (H, W, 3), E and S (H, W) after a short stage 1, and the plain skin (H, W) bool."""
-    evidence, short = problem.evidence, problem.settings
-    cells = grid_cells(short.cell_rows, short.cell_columns)
-    shading = Shading(problem, cells)
-    estimate = exposed(problem, stage1(problem, start(problem), shading), shading)
-    light = estimate.light()
-    shading = shading.under(refine(cells, light.rasterize(), limit=short.max_cells))
-    radiance = CellRadiance(shading.cells).of(light)
-    shading.update(radiance, problem.maps(estimate))
-    e, s = (problem.image(part, "zero").mean(axis=2) for part in shading.shade(radiance))
+def _plain_skin(evidence: Evidence) -> np.ndarray:
+    """(H, W) bool: skin, with a margin to everything else."""
     skin = evidence.mask & (evidence.regions[..., 0] > 0.9)
     reach = max(1, round(_MARGIN * len(skin) / _SIZE))
-    plain: Any = ndimage.binary_erosion(skin, np.ones((3, 3)), iterations=reach)
-    return evidence.image, e, s, plain & (e > _DARKEST)
+    return np.asarray(ndimage.binary_erosion(skin, np.ones((3, 3)), iterations=reach))
 
 
 def slopes(image: np.ndarray, e: np.ndarray, s: np.ndarray, where: np.ndarray) -> Slopes | None:

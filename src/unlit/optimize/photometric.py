@@ -131,7 +131,7 @@ def photometric_fit(
     """`fit` improved by the shading of `image`, or `fit` itself where shading says too little.
 
     problem: of the landmarks that `fit` was found from. image: (S, S, 3) linear sRGB, seen by the
-    problem's camera. mouth_closed: as in fit_head.
+    problem's camera. mouth_closed: as for `LandmarkProblem.solve`.
     """
     return _Photometric(problem, image, regions, settings or PhotometricSettings()).run(
         fit, mouth_closed

@@ -46,6 +46,10 @@ TABLE_1 = {
 # fmt: on
 
 
+#: Values of the setting `cast_shadows`.
+CAST_SHADOWS = ("auto", "keep")
+
+
 @dataclass(frozen=True)
 class Settings:
     """Everything that decides a reconstruction besides the photo.
@@ -73,6 +77,9 @@ class Settings:
     #: What fixes the gain between albedo and light: auto (a convention), skin=ALBEDO, X,Y=ALBEDO,
     #: or 500lux (exposure.py).
     exposure: str = "auto"
+    #: What to do with skin in the shadow of something else (optimize/cast_shadow.py): auto, fill
+    #: its maps in from around; keep, take the photo as it is.
+    cast_shadows: str = "auto"
 
     #: Share of each stage at the full learning rates (in the paper they are constant), below 1, and
     #: share of them that is left at the stage's end, reached on a cosine curve.
@@ -185,6 +192,10 @@ def override(settings: Settings, changes: dict[str, Any]) -> Settings:
         raise SettingsError(f"resolution={settings.resolution}: choose 256 to 2048 pixels")
     illuminant.parse(settings.light_color)
     exposure.parse(settings.exposure)
+    if settings.cast_shadows not in CAST_SHADOWS:
+        raise SettingsError(
+            f"cast_shadows={settings.cast_shadows!r}: choose {' or '.join(CAST_SHADOWS)}"
+        )
     for name, least in (("light_points", 1), ("refresh_interval", 1), ("bounces", 0)):
         if getattr(settings, name) < least:
             raise SettingsError(f"{name}={getattr(settings, name)}: must be {least} or more")

@@ -112,8 +112,9 @@ class _Run:
         dr.backward(loss if light_loss is None else loss + light_loss)
         adam.step()
         if "axis" in adam.rates:
-            low, high = np.log(settings.min_sharpness), np.log(settings.max_sharpness)
             adam["axis"] = dr.normalize(adam["axis"])
+        if "log_sharpness" in adam.rates:
+            low, high = np.log(settings.min_sharpness), np.log(settings.max_sharpness)
             adam["log_sharpness"] = dr.clip(adam["log_sharpness"], low, high)
         adam["log_specular"] = dr.fmin(adam["log_specular"], np.log(settings.max_specular))
         adam["log_diffuse"] = dr.fmin(adam["log_diffuse"], np.log(settings.max_diffuse))
@@ -234,7 +235,9 @@ def _map_loss(
 def _trusted(problem: Problem, e: Any) -> Any:
     """Weight of each pixel's evidence on the maps, sum 1: its own times (E / (E + error))^2."""
     level = dr.mean(dr.detach(e))
-    weight = problem.weight * dr.square(level / (level + problem.settings.shading_error))
+    weight = problem.weight * dr.square(
+        level / dr.fmax(level + problem.settings.shading_error, 1e-6)
+    )
     weight /= dr.sum(weight)
     dr.eval(weight)
     return weight

@@ -61,6 +61,8 @@ _FIT_KINDS = {
     "fit_landmark_triangle": Kind(("L",), "<i4"),
     "fit_landmark_barycentric": Kind(("L", 3)),
 }
+#: Only in results with a shadow of something else.
+_LIT_KINDS = {"lit": _SCALAR}
 _INDEXED = {"triangles": "V", "triangle_uv": "T", "fit_landmark_triangle": "F"}
 #: Where a triangle of -1 says that the mesh has no such landmark.
 _LOWEST = {"fit_landmark_triangle": -1}
@@ -70,6 +72,7 @@ _AGAIN = "reconstruct the photo again"
 def write_arrays(reconstruction: Reconstruction, path: Path) -> None:
     """Write the arrays of `reconstruction`, not compressed: floats of a photo hardly shrink."""
     kinds = _KINDS if reconstruction.fit is None else _KINDS | _FIT_KINDS
+    kinds = kinds if reconstruction.lit is None else kinds | _LIT_KINDS
     arrays = {
         name: np.asarray(_attribute(reconstruction, name), dtype=kind.dtype)
         for name, kind in kinds.items()
@@ -86,7 +89,8 @@ def _attribute(reconstruction: Reconstruction, name: str) -> np.ndarray:
 
 def read_arrays(path: Path) -> dict[str, Any]:
     """The arrays by name, and `fit` or None. Raises OutputError that names file and array."""
-    found, sizes = read_checked(path, _KINDS | _FIT_KINDS, remedy=_AGAIN, optional=_FIT_KINDS)
+    optional = _FIT_KINDS | _LIT_KINDS
+    found, sizes = read_checked(path, _KINDS | optional, remedy=_AGAIN, optional=optional)
     for name, size in _INDEXED.items():
         if name in found:
             check_indices(path, name, found[name], sizes[size], _LOWEST.get(name, 0))

@@ -16,12 +16,15 @@ import numpy as np
 from ..color import luminance
 from .contours import area, coverage, smooth_contour
 from .topology import (
+    CHIN,
     FACE_OVAL,
+    HAIRLINE,
     LEFT_CHEEK,
     LEFT_EYE,
     LEFT_EYE_OUTER,
     LEFT_EYEBROW,
     LIPS_OUTER,
+    NOSE_BASE,
     NOSE_RIDGE,
     RIGHT_CHEEK,
     RIGHT_EYE,
@@ -112,7 +115,7 @@ def _shrink(image: np.ndarray) -> np.ndarray:
 def _outlines(landmarks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The face oval, and the oval with its upper arc raised to where hairlines may lie."""
     oval = landmarks[list(FACE_OVAL)]
-    up = landmarks[10] - landmarks[152]
+    up = landmarks[HAIRLINE] - landmarks[CHIN]
     eyes = (landmarks[RIGHT_EYE_OUTER] + landmarks[LEFT_EYE_OUTER]) / 2
     # 0 at the level of the eyes, 1 at the top: the temples are raised less than the middle.
     level = (oval - eyes) @ up
@@ -139,8 +142,10 @@ def _decide(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
         return oval.astype(np.float32)
     features = polygon(RIGHT_EYE, LEFT_EYE, RIGHT_EYEBROW, LEFT_EYEBROW, LIPS_OUTER)
     features = cv2.dilate(features.astype(np.uint8), disk(0.04 * size)) > 0
-    up = (landmarks[10] - landmarks[152]) / np.linalg.norm(landmarks[10] - landmarks[152])
-    centre = (landmarks[10] + landmarks[152]) / 2
+    up = (landmarks[HAIRLINE] - landmarks[CHIN]) / np.linalg.norm(
+        landmarks[HAIRLINE] - landmarks[CHIN]
+    )
+    centre = (landmarks[HAIRLINE] + landmarks[CHIN]) / 2
     rows, columns = np.indices(oval.shape) + 0.5
     height = columns * up[0] + rows * up[1]
 
@@ -162,7 +167,7 @@ def _decide(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
     inside = smoothstep(depth, 0, _PLACE_DEPTH)
     across = np.abs((columns - centre[0]) * up[1] - (rows - centre[1]) * up[0])
     side = smoothstep(across / across[oval].max(), 0.65, 0.9)
-    beard = (height < landmarks[2] @ up) & (from_colour < 0)
+    beard = (height < landmarks[NOSE_BASE] @ up) & (from_colour < 0)
     from_colour = np.where(beard, from_colour * (1 + (_BEARD_TRUST - 1) * inside), from_colour)
     above = cv2.distanceTransform((~oval).astype(np.uint8), cv2.DIST_L2, 5)
     above = np.clip(above / (_FOREHEAD * size), 0, 1)
@@ -170,7 +175,7 @@ def _decide(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
     place = edge + (_PLACE_INSIDE - edge) * inside + _PLACE_FOREHEAD * above
     strands = cv2.GaussianBlur(np.minimum(dark_lines(seen[..., 2], size), 1), (0, 0), 0.02 * size)
     texture = _STRANDS_WEIGHT * smoothstep(strands, *_STRANDS) * (1 - inside) * side
-    texture[features | (height < landmarks[2] @ up)] = 0  # a beard has strands too
+    texture[features | (height < landmarks[NOSE_BASE] @ up)] = 0  # a beard has strands too
     odds = from_colour + place - texture
     odds[seeds] = _COLOUR_LIMIT + _PLACE_INSIDE
     odds[~outline] = -(_COLOUR_LIMIT + _PLACE_INSIDE)

@@ -59,6 +59,13 @@ def test_results_saved_before_the_fit_was_kept(face, folder):
     assert_same(load(folder), dataclasses.replace(face, fit=None))
 
 
+def test_where_something_else_casts_its_shadow(face, tmp_path):
+    lit = np.linspace(0, 1, face.mask.size, dtype=np.float32).reshape(face.mask.shape)
+    shadowed = dataclasses.replace(face, lit=lit)
+    save(shadowed, tmp_path / "a")
+    assert_same(load(tmp_path / "a"), shadowed)
+
+
 def test_the_lights_colour_and_the_gain(face, tmp_path):
     """They come back, and the environment map has the colour; older results have neither."""
     color, gain = np.array([1, 0.41726586, 0.1], np.float32), 1.7000000000000002
