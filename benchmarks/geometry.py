@@ -32,7 +32,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from subjects import SHARED, lee_perry_smith, own
+from subjects import SHARED, ict, lee_perry_smith, own
 
 import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is loaded
 
@@ -90,13 +90,7 @@ class Person:
 
 
 def _ict(skin: str, seed: int, yaw: float, tuned: bool, **more: object) -> Person:
-    def make(size: int) -> Known:
-        sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-        from ict import ict_subject
-
-        return ict_subject(SHARED, skin, seed, size, yaw, **more)
-
-    return Person(make, yaw, tuned)
+    return Person(lambda size: ict(skin, seed, size, yaw, **more), yaw, tuned)
 
 
 def _own(skin: str, seed: int, yaw: float, tuned: bool, expression: dict[str, float]) -> Person:

@@ -11,6 +11,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -87,12 +88,12 @@ def own(
     return Subject(f"own-{skin}", vertices, model.triangles, camera, maps, mask)
 
 
-def ict(skin: str, seed: int, size: int, yaw: float = 0.0) -> Subject:
-    """A random person of another head model (tests/ict.py), turned by `yaw` degrees."""
+def ict(skin: str, seed: int, size: int, yaw: float = 0.0, **more: Any) -> Subject:
+    """A random person of another head model, turned by `yaw` degrees; more: see tests/ict.py."""
     sys.path.insert(0, str(ROOT / "tests"))
     from ict import ict_subject
 
-    return ict_subject(SHARED, skin, seed, size, yaw)
+    return ict_subject(SHARED, skin, seed, size, yaw, **more)
 
 
 def lee_perry_smith(size: int, yaw: float = 0.0) -> Scan:

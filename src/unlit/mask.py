@@ -16,10 +16,12 @@ def read_mask(mask: str | Path | np.ndarray, photo: Photo) -> np.ndarray:
     """(H, W) float32 in [0, 1] of the photo's size: 1 is skin to use, 0 is to be left out.
 
     mask: a picture file, whose grey levels as stored count (white 1, black 0; colours by their
-    mean), or such an array. Raises PhotoError when it cannot be read or has another size.
+    mean), or an array: uint8, 255 is white, or others from 0 to 1. Raises PhotoError when it cannot
+    be read or has another size.
     """
     if isinstance(mask, np.ndarray):
         name, grey = "mask", np.asarray(mask, np.float32)
+        grey = grey / 255 if mask.dtype == np.uint8 else grey
     else:
         name, grey = str(mask), encode_srgb(read_photo(mask).pixels).mean(axis=2)
     height, width = photo.pixels.shape[:2]

@@ -87,7 +87,7 @@ class Photo:
 
         Raises PhotoError for another shape or type.
         """
-        if pixels.ndim != 3 or pixels.shape[2] != 3:
+        if pixels.ndim != 3 or pixels.shape[2] != 3 or not pixels.size:
             raise PhotoError(f"{source}: shape {pixels.shape}; give an array (H, W, 3)")
         if pixels.dtype == np.uint8:
             linear = decode_srgb(pixels.astype(np.float32) / 255)
@@ -95,6 +95,8 @@ class Photo:
             linear = pixels.astype(np.float32)
         else:
             raise PhotoError(f"{source}: type {pixels.dtype}; give uint8 sRGB or float linear sRGB")
+        if not np.isfinite(linear).all():
+            raise PhotoError(f"{source}: some values are not finite numbers; mend or mask them")
         return Photo(linear, None, None, source)
 
     def encoded8(self) -> np.ndarray:

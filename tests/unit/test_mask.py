@@ -28,6 +28,7 @@ def test_grey_levels_as_stored(photo, tmp_path, mode):
 def test_an_array(photo):
     """From Python; values outside 0 to 1 are clipped."""
     assert read_mask(np.full((70, 90), 3.0), photo).max() == 1
+    assert read_mask(np.full((70, 90), 51, np.uint8), photo).max() == pytest.approx(0.2)
     with pytest.raises(PhotoError, match="not finite"):
         read_mask(np.full((70, 90), np.nan), photo)
 

@@ -16,7 +16,7 @@ from profiles import DISPLAY_P3, SRGB, SRGB_CURVE, build, grey_tables, matrix, p
 
 from unlit.color import decode_srgb, encode_srgb
 from unlit.errors import FaceError, PhotoError
-from unlit.photo import Crop, face_crop, focal_from_exif, read_photo
+from unlit.photo import Crop, Photo, face_crop, focal_from_exif, read_photo
 
 HEIGHT, WIDTH = 70, 96
 
@@ -602,3 +602,13 @@ def test_face_outside_the_photo():
     """A face mostly cut off cannot be reconstructed."""
     with pytest.raises(FaceError, match="outside the photo"):
         face_crop(oval((-50, 100), 200, 150), 512, (400, 400))
+
+
+def test_an_array_that_is_no_picture_is_refused() -> None:
+    """Values that are no numbers would end up in every map."""
+    hole = np.full((40, 40, 3), 0.5)
+    hole[3, 4] = np.nan
+    with pytest.raises(PhotoError, match="not finite numbers"):
+        Photo.of(hole)
+    with pytest.raises(PhotoError, match="shape"):
+        Photo.of(np.zeros((0, 0, 3)))

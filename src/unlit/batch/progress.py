@@ -33,6 +33,7 @@ class BatchConsole:
         self._task = self._bar.add_task("")
         self._began: float | None = None
         self._said: float | None = None
+        self._counts: Counts | None = None
 
     def __enter__(self) -> BatchConsole:
         self._bar.start()
@@ -45,9 +46,11 @@ class BatchConsole:
         traceback: TracebackType | None,
     ) -> None:
         self._bar.stop()
+        if error is None and self._counts is not None:
+            self._say(", ".join(_finished(self._counts)))
 
     def __call__(self, counts: Counts, rows: list[Row]) -> None:
-        now = time.monotonic()
+        now, self._counts = time.monotonic(), counts
         if counts.workers and self._began is None:
             self._began = now
         state = self._state(counts, now)
@@ -70,11 +73,7 @@ class BatchConsole:
         self.console.print(readable(line), markup=False)
 
     def _state(self, counts: Counts, now: float) -> str:
-        parts = [f"{counts.finished} of {counts.photos}"]
-        if counts.before:
-            parts.append(f"{counts.before} done before")
-        if counts.failed:
-            parts.append(f"{counts.failed} failed")
+        parts = _finished(counts)
         if self._began is not None:
             parts.append(f"{counts.workers} worker{'' if counts.workers == 1 else 's'}")
             if counts.running:
@@ -83,3 +82,12 @@ class BatchConsole:
                 seconds = (now - self._began) / counts.done * (counts.photos - counts.finished)
                 parts.append(f"{clock(seconds)} left")
         return ", ".join(parts)
+
+
+def _finished(counts: Counts) -> list[str]:
+    parts = [f"{counts.finished} of {counts.photos}"]
+    if counts.before:
+        parts.append(f"{counts.before} done before")
+    if counts.failed:
+        parts.append(f"{counts.failed} failed")
+    return parts

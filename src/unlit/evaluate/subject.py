@@ -167,11 +167,6 @@ def _iris(eyes: np.ndarray, unit: float) -> list[np.ndarray]:
     return discs
 
 
-def visible_normals(vertices: np.ndarray, triangles: np.ndarray, camera: Camera) -> np.ndarray:
-    """Smooth mesh normals (H, W, 3), world frame, as the camera sees them; 0 beside the mesh."""
-    return visible_surface(vertices, triangles, camera)[1]
-
-
 def visible_surface(
     vertices: np.ndarray, triangles: np.ndarray, camera: Camera
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -102,25 +102,6 @@ class HeadFit:
     landmark_residual: float
 
 
-def fit_head(
-    model: HeadModel,
-    landmarks: np.ndarray,
-    camera: Camera,
-    settings: FitSettings | None = None,
-    mouth_closed: bool = False,
-) -> HeadFit:
-    """Fit `model` to `landmarks` (478, 3): pixels of `camera`'s image, z in pixels, near is small.
-
-    mouth_closed: the photo shows no opening between the lips, whatever the landmarks say; they
-    take the edge of a two-toned lip for one.
-
-    The landmarker's expression scores are not used: started from them or pulled towards them, the
-    fit's normals were no better or worse (docs/head-model-format.md).
-    Raises FaceError when the landmarks are not finite or no head in front of the camera fits.
-    """
-    return LandmarkProblem(model, landmarks, camera, settings).solve(mouth_closed)
-
-
 @dataclass(frozen=True)
 class State:
     """The unknowns, as in HeadFit, float64."""
@@ -145,8 +126,11 @@ class State:
 class LandmarkProblem:
     """Residuals of the landmarks the model carries, and one Gauss-Newton step on them.
 
-    Arguments and errors as for fit_head; bias: of the landmarks, what is shipped if None.
-    image: (S, S, 3) linear sRGB, that landmarks in the dark may be trusted less.
+    landmarks: (478, 3), pixels of `camera`'s image, z in pixels, near is small. bias: of the
+    landmarks, what is shipped if None. image: (S, S, 3) linear sRGB, that landmarks in the dark may
+    be trusted less. The landmarker's expression scores are not used: started from them or pulled
+    towards them, the fit's normals were no better or worse (docs/head-model-format.md). Raises
+    FaceError when the landmarks are not finite or no head in front of the camera fits.
     """
 
     def __init__(
@@ -241,7 +225,11 @@ class LandmarkProblem:
         )
 
     def solve(self, mouth_closed: bool = False) -> HeadFit:
-        """The pose by itself, then everything together. Raises FaceError."""
+        """The pose by itself, then everything together. Raises FaceError.
+
+        mouth_closed: the photo shows no opening between the lips, whatever the landmarks say; they
+        take the edge of a two-toned lip for one.
+        """
         state = self.start()
         for free_shape in (False, True):
             for _ in range(self.settings.iterations):
@@ -406,7 +394,10 @@ def camera_motion(camera: Camera, world: np.ndarray, moves: np.ndarray) -> np.nd
 def bounded_solve(
     matrix: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
-    """Minimise x A x / 2 - b x for low <= x <= high by an active set; A positive definite."""
+    """x within [low, high] that lowers x A x / 2 - b x; A positive definite.
+
+    Not the minimum: what meets a bound stays there, which for one step of many is as good.
+    """
     fixed = np.zeros(len(right), dtype=bool)
     solution = np.zeros_like(right)
     for _ in range(10):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -53,8 +54,8 @@ def model_file(name: str) -> Path | None:
 
 
 def model_key(model: HeadModel) -> str:
-    """Changes with the shapes that `model` can take."""
-    return key(model.name, model.neutral, model.identity)
+    """Changes with anything that `model` holds."""
+    return key(*(getattr(model, field.name) for field in fields(model)))
 
 
 def _of_file(path: Path) -> HeadModel:

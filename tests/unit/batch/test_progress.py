@@ -28,4 +28,11 @@ def test_it_is_told_what_runs_before_the_first_photo_is_done(monkeypatch) -> Non
     assert said[0] == "0 of 3, 2 workers, 2 running for up to 0:00"
     assert said[1] == "0 of 3, 2 workers, 2 running for up to 1:02"
     assert said[2].startswith("done  a  ")
-    assert len(said) == 3
+    assert said[3:] == ["1 of 3"]
+
+
+def test_it_says_at_the_end_what_was_done_before() -> None:
+    text = io.StringIO()
+    with BatchConsole(Console(file=text, width=200)) as watch:
+        watch(Counts(5, before=3, failed=2), [])
+    assert text.getvalue().splitlines() == ["5 of 5, 3 done before, 2 failed"]

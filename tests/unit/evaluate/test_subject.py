@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bumpy_head import bumpy_head, camera, view
-from unlit.evaluate.subject import SKINS, Features, Subject, paint, visible_normals
+from unlit.evaluate.subject import SKINS, Features, Subject, paint, visible_surface
 from unlit.scene.brdf import ROUGHNESS
 from unlit.scene.light import flash, uniform
 from unlit.scene.maps import Maps
@@ -55,6 +55,6 @@ def test_photograph_and_normals() -> None:
     assert even.shape == (SIZE, SIZE, 3)
     assert even[0, 0].max() == 0
     ratio = (lit.mean(axis=2)[mask] / even.mean(axis=2)[mask]).clip(0, 3)
-    normals = visible_normals(vertices, triangles, camera(SIZE))
+    normals = visible_surface(vertices, triangles, camera(SIZE))[1]
     assert np.linalg.norm(normals[mask], axis=1) == pytest.approx(1.0, abs=1e-4)
     assert np.corrcoef(ratio, normals[mask][:, 2])[0, 1] > 0.5

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from unlit.errors import FaceError
 from unlit.head.eyelids import eyeballs, lids_outside_eyes
-from unlit.head.fit import FitSettings, LandmarkProblem, State, fit_head
+from unlit.head.fit import FitSettings, LandmarkProblem, State
 from unlit.head.landmark_error import NO_ERROR, shipped_error
 from unlit.head.lips import LOWER_RIM, UPPER_RIM, opening, seal_lips
 from unlit.head.prior import shipped_prior
@@ -67,7 +67,7 @@ def test_the_mean_error_is_taken_off(head, roll):
     def off(fit):
         return np.degrees(Rotation.from_matrix(fit.rotation @ turn.T).magnitude())
 
-    assert off(fit_head(head, landmarks, centred)) < 1
+    assert off(LandmarkProblem(head, landmarks, centred).solve()) < 1
     assert off(exact(head, landmarks, centred)) > 2
 
 
@@ -192,6 +192,6 @@ def test_lids_slide_on_the_eyeball(head, amount):
 def test_bad_landmarks_are_refused(head):
     """NaN or the wrong shape is a FaceError, not a NaN mesh."""
     with pytest.raises(FaceError, match="not 478 finite points"):
-        fit_head(head, np.full((478, 3), np.nan), CAMERA)
+        LandmarkProblem(head, np.full((478, 3), np.nan), CAMERA).solve()
     with pytest.raises(FaceError, match="not 478 finite points"):
-        fit_head(head, np.zeros((68, 3)), CAMERA)
+        LandmarkProblem(head, np.zeros((68, 3)), CAMERA).solve()
