@@ -53,6 +53,8 @@ class Store:
         self._root = root.rstrip("/")
         self.local = Path(root) if isinstance(self._fs, LocalFileSystem) else None
         self.url = url if self.local is None else root
+        if self.local is not None and self.local.exists() and not self.local.is_dir():
+            raise OutputError(f"{url}: a file, not a folder; give a folder or URL to write to")
 
     def records(self) -> dict[str, Record]:
         """What is kept of each photo, by the name of its result."""

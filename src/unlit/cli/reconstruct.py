@@ -70,7 +70,10 @@ def run(options: argparse.Namespace) -> int:
     if options.photo is None and options.output is not None:
         options.photo, named = named, None  # it was written --resume PHOTO -o DIR
     if options.photo is None:
-        raise SettingsError("no PHOTO given; to go on from a saved result, give --from-stage N too")
+        raise SettingsError(
+            "no PHOTO given; an unfinished run needs the photo again, as `unlit reconstruct PHOTO "
+            "--resume DIR`; to go on from a saved result, give --from-stage N too"
+        )
     options.output = options.output or named
     if options.output is None:
         raise SettingsError("no folder to write given; add -o DIR")

@@ -124,3 +124,9 @@ def test_a_folder_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="file"):
         Store(str(tmp_path / "file")).write("batch.csv", b"")
+
+
+def test_a_file_is_no_folder(tmp_path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(OutputError, match="a file, not a folder"):
+        Store(str(tmp_path / "notes.txt"))

@@ -117,7 +117,7 @@ def test_from_stage(calls, tmp_path, capsys):
     [
         (("PHOTO",), "no folder to write given; add -o DIR"),
         (("-o", "x"), "no PHOTO given"),
-        (("--resume", "x"), "no PHOTO given; to go on from a saved result, give --from-stage N"),
+        (("--resume", "x"), "an unfinished run needs the photo again"),
         (("PHOTO", "--resume", "x", "-o", "y"), "--resume x and -o y differ"),
         (("--from-stage", "2"), "name the folder of the result"),
         (("PHOTO", "--resume", "x", "--from-stage", "2"), "PHOTO has no use with --from-stage"),
