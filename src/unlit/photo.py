@@ -96,7 +96,7 @@ class Photo:
         else:
             raise PhotoError(f"{source}: type {pixels.dtype}; give uint8 sRGB or float linear sRGB")
         if not np.isfinite(linear).all():
-            raise PhotoError(f"{source}: some values are not finite numbers; mend or mask them")
+            raise PhotoError(f"{source}: some values are not finite numbers; replace them")
         return Photo(linear, None, None, source)
 
     def encoded8(self) -> np.ndarray:

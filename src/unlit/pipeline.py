@@ -151,7 +151,8 @@ def reconstruct(
     face: "only" (several faces are an error), "largest", "left" or "right" (the leftmost or
         rightmost in the picture), or a number counted from the largest, 0.
     model: the head model to fit; the default is the one that the settings name.
-    mask: a picture file or an array (H, W) in [0, 1] of the photo's size; 0 leaves skin out.
+    mask: a picture file or an array (H, W) of the photo's size, uint8 to 255 or others in [0, 1]; 0
+        leaves skin out.
     progress: called with (stage, iteration, iterations, loss). preview: called with the result so
     far after the fit and after every stage. checkpoint: where the state is kept after every stage,
     and from where it is resumed; `save` removes it from the result's folder.
@@ -482,7 +483,8 @@ def _pin(capture: Capture, problem: Problem) -> Callable[[np.ndarray, np.ndarray
         return lambda albedo, _: problem.skin_gain(albedo)
     inside = np.zeros(capture.image.shape[:2], dtype=bool)
     inside.ravel()[problem.pixel] = True
-    where = exposure.patch(known, capture.crop, inside, capture.regions.skin)
+    measured = inside if capture.lit is None else inside & (capture.lit > 0.5)
+    where = exposure.patch(known, capture.crop, measured, capture.regions.skin)
     exposure.check_unit(known, capture.unit)
     # In the stages the best-lit skin has E = 1 before the light's colour.
     full_in_stages = float(luminance(capture.light_color))

@@ -45,7 +45,8 @@ class Reconstruction:
     specular_normal, diffuse_normal: (S, S, 3) unit, world frame; zero outside the mask.
     perturbation: (S, S, 3), world frame: what was added to the mesh's normal (stage 4).
     diffuse_shading, specular_shading: (S, S, 3) linear; with the albedos they give `render`.
-    render: (S, S, 3) linear sRGB. mask: (S, S) in [0, 1], where the maps are measured, not filled.
+    render: (S, S, 3) linear sRGB. mask: (S, S) in [0, 1], where the maps are measured, not
+    filled, but for `lit`.
     regions: (S, S, 6) soft masks: skin, lips, eyes, eyebrows, mouth, background.
     light: the 648 spherical Gaussians, and their colour. gain: what albedo was multiplied with, and
     light divided by, after the stages (setting `exposure`). photo_name: the photo's file name.

@@ -40,7 +40,7 @@ def test_from_stage_1_repeats_the_run(face, tmp_path):
 
 
 def test_a_cast_shadow_is_no_evidence(face):
-    """What is dark there leaves no trace in the light; continued, it is left out again."""
+    """What is dark there leaves no trace; continued, it is left out again."""
     seen = tiny_run.capture()
     lit = np.ones(seen.image.shape[:2], np.float32)
     lit[:14] = 0
@@ -51,10 +51,8 @@ def test_a_cast_shadow_is_no_evidence(face):
     other = solve(replace(seen, lit=lit), tiny_run.head(), still())
     np.testing.assert_array_equal(result.lit, lit)
     assert result.mask[:14].max() == 1
-    # Base colours begin with medians that the shadow takes part in, hence not to the bit.
-    here = np.s_[:10]
-    ratio = (result.diffuse_albedo / other.diffuse_albedo)[here][result.mask[here] > 0]
-    assert np.median(ratio) > 0.9
+    np.testing.assert_array_equal(result.diffuse_albedo, other.diffuse_albedo)
+    np.testing.assert_array_equal(result.light.amplitude, other.light.amplitude)
     again = continued(result, 1, tiny_run.settings())
     np.testing.assert_array_equal(again.diffuse_albedo, result.diffuse_albedo)
 

@@ -17,8 +17,10 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
+from ..color import decode_srgb
 from ..scene.camera import Camera
 from .first_look import FirstLook, first_look
+from .losses import EXPOSED
 from .problem import Evidence
 from .schedule import Settings
 
@@ -29,6 +31,7 @@ _FEATURES, _RIM, _SMOOTH, _GROWN, _BRIDGED = 3, 3, 5, 4, 18
 _DARK, _DIM = -0.45, -0.2
 #: Added to both, linear: what a photo's black may stand for.
 _BLACK = 0.01
+_WHITE = float(decode_srgb(np.float32(EXPOSED[1])))
 #: Least diffuse shading that the model has there, where full light is 1.
 _LIT = 0.15
 #: Least share of the face, and of its border that has to lie along the outline of the face, and of
@@ -83,7 +86,9 @@ def _reduced(evidence: Evidence) -> Evidence:
 
 def shadowed(evidence: Evidence, look: FirstLook, above: np.ndarray) -> np.ndarray:
     """(H, W) bool: the skin in the shadow of something else, given what stage 1 makes of it."""
-    ratio = np.log((np.maximum(evidence.image, 0) + _BLACK) / (look.render + _BLACK)).mean(axis=2)
+    # A photo is no brighter than white, whatever the model would have.
+    photo, model = (np.clip(x, 0, _WHITE) + _BLACK for x in (evidence.image, look.render))
+    ratio = np.log(photo / model).mean(axis=2)
     ratio = cv2.medianBlur(np.where(look.seen, ratio, 0).astype(np.float32), _SMOOTH)
     features = evidence.regions[..., 1:4].sum(axis=2)  # lips, eyes, eyebrows
     skin = look.seen & (features < 0.5) & (look.diffuse_shading > _LIT)
@@ -101,14 +106,13 @@ def shadowed(evidence: Evidence, look: FirstLook, above: np.ndarray) -> np.ndarr
         large = part.sum() > _LEAST * look.seen.sum()
         if large and rim[border].mean() > _ALONG and above[part].mean() > _ABOVE:
             found |= part
-    if found.sum() > _MOST * look.seen.sum():
-        return np.zeros_like(skin)
     # Between its parts it lies beside eyes and brows, too.
     near = cv2.erode(
         _grown(found, _GROWN + _BRIDGED).astype(np.uint8),
         np.ones((2 * _BRIDGED + 1,) * 2, np.uint8),
     )
-    return found | (skin & (ratio < _DIM) & (near > 0))
+    found |= skin & (ratio < _DIM) & (near > 0)
+    return found if found.sum() <= _MOST * look.seen.sum() else np.zeros_like(found)
 
 
 def _grown(mask: np.ndarray, reach: int) -> np.ndarray:

@@ -156,7 +156,9 @@ class Checkpoint:
 
 
 def _evidence_key(evidence: Evidence) -> str:
-    arrays = (getattr(evidence, name) for name in ("image", "regions", "vertices", "triangles"))
+    arrays = (
+        getattr(evidence, name) for name in ("image", "regions", "weight", "vertices", "triangles")
+    )
     return key(*arrays, evidence.landmarks, vars(evidence.camera))
 
 

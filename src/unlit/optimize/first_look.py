@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from ..scene.cells import grid_cells, refine
 from ..scene.lobes import CellRadiance
@@ -38,7 +39,8 @@ def first_look(evidence: Evidence, settings: Settings) -> FirstLook:
     problem = Problem(evidence, short, lambda *_: None)
     cells = grid_cells(short.cell_rows, short.cell_columns)
     shading = Shading(problem, cells)
-    estimate = exposed(problem, stage1(problem, start(problem), shading), shading)
+    with threadpool_limits(1, user_api="blas"):  # as in `pipeline.solve`
+        estimate = exposed(problem, stage1(problem, start(problem), shading), shading)
     light = estimate.light()
     shading = shading.under(refine(cells, light.rasterize(), limit=short.max_cells))
     radiance = CellRadiance(shading.cells).of(light)

@@ -109,7 +109,7 @@ class Estimate:
 class Problem:
     """The evidence on the P pixels that both the mask and the fitted mesh cover.
 
-    Raises ValueError when the mesh and the mask do not overlap.
+    Raises ValueError when the mesh and the mask do not overlap, or nothing there has any weight.
     """
 
     def __init__(self, evidence: Evidence, settings: Settings, progress: Progress) -> None:
@@ -135,6 +135,8 @@ class Problem:
         self.pixel = seen[kept].astype(np.int64)
         self.target = censored(self.color(encode_srgb(evidence.image)))
         weight = evidence.weight.ravel()[self.pixel].astype(np.float64)
+        if not weight.sum() > 0:
+            raise ValueError("all of the face that the head covers lies in a shadow")
         self.weight = device(mi.Float, weight / weight.sum())
         self.neighbours = Neighbours.of(self.pixel, self.camera.width, self.camera.height)
         regions = evidence.regions.reshape(-1, len(REGIONS))[self.pixel].astype(np.float64)

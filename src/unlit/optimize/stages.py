@@ -203,9 +203,10 @@ def _base_start(
     image = problem.evidence.image.reshape(-1, 3)[problem.pixel[sample.rows]]
     level = float(np.median(e.numpy()))
     colours = []
+    evident = sample.weight.numpy() > 0
     for share in problem.regions[sample.rows].T:
-        inside = share > 0.5
-        colours.append(np.median(image[inside if inside.any() else slice(None)], axis=0) / level)
+        inside = evident & (share > 0.5)
+        colours.append(np.median(image[inside if inside.any() else evident], axis=0) / level)
     log_colours = np.log(np.maximum(np.array(colours), 1e-3)).astype(np.float32)
     specular = np.full(len(colours), np.log(problem.settings.nominal_specular), dtype=np.float32)
     return device(mi.Color3f, log_colours), device(mi.Float, specular)

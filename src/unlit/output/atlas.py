@@ -213,7 +213,8 @@ class _Photo:
         eye, lip = region[:, _EYE] > 0.5, region[:, _LIP] > 0.5
         fits = {SKIN: ~eye, EYES: eye, INSIDE: lip}
         self.shows = np.stack([(shown == kind) & fits[kind] for kind in fits], axis=1)
-        self.shows &= (r.mask.ravel() > 0)[:, None]
+        measured = r.mask > 0 if r.lit is None else (r.mask > 0) & (r.lit > 0.5)
+        self.shows &= measured.ravel()[:, None]
         maps = maps_of(r)
         positive = np.concatenate(
             [r.diffuse_albedo, r.specular_albedo[..., None], r.roughness[..., None]], axis=-1

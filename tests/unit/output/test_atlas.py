@@ -168,6 +168,15 @@ def test_unseen_half_is_mirrored(atlas):
     assert np.abs(atlas.specular_normal - whole.specular_normal)[hidden].mean() < 0.02
 
 
+def test_what_lies_in_a_cast_shadow_is_not_measured(r, atlas):
+    """It is filled in like what the camera does not see."""
+    lit = (np.arange(r.mask.shape[1]) < 0.5 * r.mask.shape[1]) * np.ones_like(r.mask)
+    shadowed = bake(dataclasses.replace(r, lit=lit), SIZE)
+    left = bake(dataclasses.replace(r, mask=r.mask * lit), SIZE)
+    np.testing.assert_array_equal(shadowed.confidence, left.confidence)
+    assert (shadowed.confidence >= GRAZING).sum() < 0.7 * (atlas.confidence >= GRAZING).sum()
+
+
 def test_a_layout_without_mirror_axis_is_not_mirrored():
     """A sheared layout: the unseen half is continued instead, and marked so."""
     r = small_head(shown=lambda point: point[:, 0] > CENTRE[0] - 0.5)
