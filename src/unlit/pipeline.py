@@ -26,7 +26,7 @@ from .head.library import head_model, model_key
 from .head.model import LANDMARKS, HeadModel
 from .illuminant import WHITE
 from .mask import painted, read_mask
-from .optimize.cast_shadow import cast_shadow
+from .optimize.cast_shadow import attenuation, cast_shadow
 from .optimize.checkpoint import Checkpoint
 from .optimize.light_color import estimated_color
 from .optimize.photometric import photometric_fit
@@ -424,6 +424,9 @@ def _result(
         maps = problem.maps(estimate)
         e_image, s_image = e_image * capture.light_color, s_image * capture.light_color
         render = maps.diffuse_albedo * e_image + maps.specular_albedo[..., None] * s_image
+        if capture.lit is not None:
+            left = attenuation(capture.image, render, capture.lit)
+            e_image, s_image, render = e_image * left, s_image * left, render * left
     mask = np.zeros(shape, dtype=np.float32)
     mask.ravel()[problem.pixel] = capture.regions.face.ravel()[problem.pixel]
     return Reconstruction(

@@ -44,7 +44,8 @@ class Reconstruction:
     roughness: (S, S), Beckmann alpha.
     specular_normal, diffuse_normal: (S, S, 3) unit, world frame; zero outside the mask.
     perturbation: (S, S, 3), world frame: what was added to the mesh's normal (stage 4).
-    diffuse_shading, specular_shading: (S, S, 3) linear; with the albedos they give `render`.
+    diffuse_shading, specular_shading: (S, S, 3) linear; with the albedos they give `render`. A
+    shadow of something else (`lit`) is in them.
     render: (S, S, 3) linear sRGB. mask: (S, S) in [0, 1], where the maps are measured, not
     filled, but for `lit`.
     regions: (S, S, 6) soft masks: skin, lips, eyes, eyebrows, mouth, background.

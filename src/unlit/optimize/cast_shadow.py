@@ -26,11 +26,12 @@ from .schedule import Settings
 
 #: Side at which shadows are looked for; lengths below are pixels of it.
 _SIZE = 256
-_FEATURES, _RIM, _SMOOTH, _GROWN, _BRIDGED = 3, 3, 5, 4, 18
+_FEATURES, _RIM, _SMOOTH, _GROWN, _BRIDGED, _SOFT = 3, 3, 5, 4, 18, 2.0
 #: Log ratio of the photo to the model below which skin is in shadow, and next to such skin.
 _DARK, _DIM = -0.45, -0.2
 #: Added to both, linear: what a photo's black may stand for.
 _BLACK = 0.01
+_LEAST_SEEN = 1e-3
 _WHITE = float(decode_srgb(np.float32(EXPOSED[1])))
 #: Least diffuse shading that the model has there, where full light is 1.
 _LIT = 0.15
@@ -60,6 +61,22 @@ def cast_shadow(evidence: Evidence, above: np.ndarray, settings: Settings) -> np
             return None
     edge = cv2.dilate(shadow.astype(np.uint8), np.ones((3, 3), np.uint8))
     return 1 - cv2.resize(edge.astype(np.float32), (size, size))
+
+
+def attenuation(image: np.ndarray, render: np.ndarray, lit: np.ndarray) -> np.ndarray:
+    """What the shadow leaves of the light: (S, S, 3) float32, at most 1, and 1 where `lit` is.
+
+    The photo over the render without the shadow, smooth: shading has it, as albedo has it not.
+    """
+    reach = _SOFT * len(lit) / _SIZE
+    shadow = ((1 - lit) * (render > 0).any(axis=2))[..., None]
+    ratio = np.log(np.maximum(image, _LEAST_SEEN) / np.maximum(render, _LEAST_SEEN))
+
+    def spread(values: np.ndarray) -> np.ndarray:
+        return np.asarray(ndimage.gaussian_filter(values, (reach, reach, 0)))
+
+    mean = spread(ratio * shadow) / np.maximum(spread(shadow), 1e-6)
+    return np.exp(np.minimum(mean, 0) * shadow).astype(np.float32)
 
 
 def _reduced(evidence: Evidence) -> Evidence:

@@ -12,7 +12,7 @@ import pytest
 import tiny_run
 from unlit import pipeline
 from unlit.optimize import cast_shadow as module
-from unlit.optimize.cast_shadow import cast_shadow, shadowed
+from unlit.optimize.cast_shadow import attenuation, cast_shadow, shadowed
 from unlit.optimize.first_look import FirstLook
 from unlit.optimize.problem import Evidence
 from unlit.optimize.schedule import PRESETS
@@ -133,3 +133,16 @@ def test_above_is_towards_the_hairline(monkeypatch) -> None:
     np.testing.assert_array_equal(asked[0], columns < 0.6 * size)
     pipeline.without_cast_shadow(seen, tiny_run.head(), tiny_run.settings(cast_shadows="keep"))
     assert len(asked) == 1
+
+
+def test_the_shading_has_the_shadow() -> None:
+    """Its level and colour, not the details, which are the skin's; elsewhere nothing changes."""
+    render = np.full((SIZE, SIZE, 3), 0.3) * FACE[..., None]
+    lit = np.where(FACE & (Y < 80), 0, 1).astype(np.float32)
+    left = np.array([0.5, 0.4, 0.3])
+    image = render * np.where(lit[..., None] == 0, left, 1.5)
+    image = image * (1 + 0.2 * (-1.0) ** (X + Y))[..., None]
+    found = attenuation(image, render, lit)
+    core = FACE & (Y < 70) & (abs(X - 128) < 30)
+    np.testing.assert_allclose(found[core], np.broadcast_to(left, found[core].shape), rtol=0.06)
+    np.testing.assert_array_equal(found[lit == 1], 1)
