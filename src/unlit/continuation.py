@@ -33,12 +33,9 @@ def kept_fit(face: Reconstruction, stage: int, settings: Settings) -> Fit:
         )
     if not 1 <= stage <= len(TABLE_1):
         raise SettingsError(f"stage {stage}: choose 1 to {len(TABLE_1)}")
-    saved = {
-        "light_color": face.settings.get("light_color", "white"),
-        "cast_shadows": face.settings.get("cast_shadows", Settings.cast_shadows),
-        "head_model": face.settings.get("head_model", Settings.head_model),
-        "resolution": len(face.image),
-    }
+    kept = ("light_color", "cast_shadows", "head_model")
+    saved = {name: face.settings.get(name, getattr(Settings, name)) for name in kept}
+    saved["resolution"] = len(face.image)
     for name, value in saved.items():
         if (wanted := getattr(settings, name)) != value:
             raise SettingsError(

@@ -35,7 +35,8 @@ from .optimize.schedule import PRESETS, Settings, as_dict
 from .optimize.stages import Begin, run_stages, start
 from .perception.landmarks import Face, find_faces
 from .perception.regions import Regions, segment
-from .perception.topology import CHIN, HAIRLINE, NOSE_BASE
+from .perception.topology import NOSE_BASE
+from .perception.visibility import upwards
 from .photo import Crop, Photo, face_crop, read_photo
 from .reconstruction import Fit, Reconstruction
 from .scene.arrays import device
@@ -259,9 +260,10 @@ def without_cast_shadow(capture: Capture, head: Head, settings: Settings) -> Cap
     """`capture` with what lies in the shadow of something else marked, if the settings ask."""
     if settings.cast_shadows == "keep":
         return capture
-    top, chin, nose = capture.landmarks[[HAIRLINE, CHIN, NOSE_BASE], :2]
+    landmarks = capture.landmarks[:, :2]
+    up = upwards(landmarks)
     pixels = np.indices(capture.image.shape[:2])[::-1] + 0.5
-    above = np.tensordot(top - chin, pixels, axes=1) > (top - chin) @ nose
+    above = np.tensordot(up, pixels, axes=1) > up @ landmarks[NOSE_BASE]
     return replace(capture, lit=cast_shadow(evidence(capture, head), above, settings))
 
 

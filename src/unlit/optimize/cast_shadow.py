@@ -31,6 +31,7 @@ _FEATURES, _RIM, _SMOOTH, _GROWN, _BRIDGED, _SOFT = 3, 3, 5, 4, 18, 2.0
 _DARK, _DIM = -0.45, -0.2
 #: Added to both, linear: what a photo's black may stand for.
 _BLACK = 0.01
+#: Photo and model below which their ratio says nothing, and what a photo's white may stand for.
 _LEAST_SEEN = 1e-3
 _WHITE = float(decode_srgb(np.float32(EXPOSED[1])))
 #: Least diffuse shading that the model has there, where full light is 1.
@@ -59,8 +60,7 @@ def cast_shadow(evidence: Evidence, above: np.ndarray, settings: Settings) -> np
         shadow = shadowed(small, look, above)
         if not shadow.any():
             return None
-    edge = cv2.dilate(shadow.astype(np.uint8), np.ones((3, 3), np.uint8))
-    return 1 - cv2.resize(edge.astype(np.float32), (size, size))
+    return 1 - cv2.resize(_grown(shadow, 1).astype(np.float32), (size, size))
 
 
 def attenuation(image: np.ndarray, render: np.ndarray, lit: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from .topology import (
     RIGHT_EYE,
     RIGHT_EYEBROW,
 )
-from .visibility import dark_lines, disk, face_size, log_luminance
+from .visibility import dark_lines, disk, face_size, log_luminance, upwards
 
 # Depths of dark lines in log-luminance. Measured across the bridge: 2.6 with glasses, up to 0.3
 # without.
@@ -46,7 +46,7 @@ def glasses_frames(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
     brows = filled(RIGHT_EYEBROW) | filled(LEFT_EYEBROW)
     lashes = cv2.dilate(eyes, disk(0.012 * size)) > 0
     # From the brows to the nostrils, as wide as the photo: the arms run towards the ears.
-    up = (landmarks[10] - landmarks[152]) / np.linalg.norm(landmarks[10] - landmarks[152])
+    up = upwards(landmarks)
     rows, columns = np.indices(lines.shape) + 0.5
     height = columns * up[0] + rows * up[1]
     band = (height > landmarks[4] @ up) & (height < landmarks[151] @ up)

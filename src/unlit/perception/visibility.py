@@ -70,6 +70,12 @@ def face_size(landmarks: np.ndarray) -> float:
     return float(np.sqrt(area(landmarks[list(FACE_OVAL)])))
 
 
+def upwards(landmarks: np.ndarray) -> np.ndarray:
+    """Unit vector (2,) from the chin to the hairline, pixels of landmarks (478, 2)."""
+    up = landmarks[HAIRLINE] - landmarks[CHIN]
+    return up / np.linalg.norm(up)
+
+
 def visible_face(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
     """Soft mask (S, S) float32 in [0, 1] of the face not covered by hair.
 
@@ -142,9 +148,7 @@ def _decide(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
         return oval.astype(np.float32)
     features = polygon(RIGHT_EYE, LEFT_EYE, RIGHT_EYEBROW, LEFT_EYEBROW, LIPS_OUTER)
     features = cv2.dilate(features.astype(np.uint8), disk(0.04 * size)) > 0
-    up = (landmarks[HAIRLINE] - landmarks[CHIN]) / np.linalg.norm(
-        landmarks[HAIRLINE] - landmarks[CHIN]
-    )
+    up = upwards(landmarks)
     centre = (landmarks[HAIRLINE] + landmarks[CHIN]) / 2
     rows, columns = np.indices(oval.shape) + 0.5
     height = columns * up[0] + rows * up[1]
