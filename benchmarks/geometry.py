@@ -43,21 +43,21 @@ from unlit.color import encode_srgb
 from unlit.evaluate.command import light
 from unlit.evaluate.metrics import best_gain
 from unlit.evaluate.protocol import Known, Light, Shot, Study
+from unlit.evaluate.psnr import psnr
 from unlit.evaluate.store import Store
 from unlit.evaluate.subject import visible_surface
 from unlit.evaluate.table import Table, markdown
-from unlit.fingerprint import key
-from unlit.head.fit import FitSettings, HeadFit, LandmarkProblem
+from unlit.fit.landmarks import FitSettings, HeadFit, LandmarkProblem
+from unlit.fit.shading import photometric_fit
 from unlit.head.landmark_error import NO_ERROR
 from unlit.head.model import HeadModel, default_model
-from unlit.optimize.photometric import photometric_fit
-from unlit.optimize.schedule import PRESETS, Settings
 from unlit.output import write_one
 from unlit.output.images import png
 from unlit.perception.topology import FACE_OVAL, LEFT_EYE, LIPS_INNER, RIGHT_EYE
-from unlit.photo import Photo
-from unlit.pipeline import Capture, Head, observe, solve
-from unlit.psnr import psnr
+from unlit.photo.photo import Photo
+from unlit.pipeline.chain import Capture, Head, observe, solve
+from unlit.settings.settings import PRESETS, Settings
+from unlit.storage.keys import key
 
 SIZE = 256
 SKY = SHARED / "data/hdri/lebombo_1k.hdr"

@@ -22,7 +22,7 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 # isort: split
 import drjit as dr
 
-from unlit._runtime import mitsuba
+from unlit.machine.runtime import mitsuba
 from unlit.optimize.blur import Blur
 from unlit.optimize.losses import EXPOSED, image_l1
 from unlit.render.bounce import Bounce

@@ -26,14 +26,14 @@ import unlit
 from unlit.evaluate.command import light
 from unlit.evaluate.metrics import angle, best_gain
 from unlit.evaluate.protocol import Known
+from unlit.evaluate.psnr import psnr
 from unlit.evaluate.table import Table, markdown
-from unlit.optimize.schedule import PRESETS
-from unlit.photo import Photo
-from unlit.pictures import read_picture
-from unlit.pipeline import Capture, Head, observe, solve
-from unlit.psnr import psnr
-from unlit.reconstruction import Reconstruction
+from unlit.face.reconstruction import Reconstruction
+from unlit.photo.photo import Photo
+from unlit.pipeline.chain import Capture, Head, observe, solve
 from unlit.scene.light import RASTER, disc, latlong_solid_angles
+from unlit.settings.settings import PRESETS
+from unlit.storage.pictures import read_picture
 
 SIZE = 256
 SETTINGS = replace(PRESETS["draft"], resolution=SIZE)

@@ -28,11 +28,11 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 # isort: split
 import drjit as dr
 
-from unlit._runtime import mitsuba
 from unlit.head.model import default_model
+from unlit.machine.runtime import mitsuba
 from unlit.render.bounce import Bounce
 from unlit.render.reference import path_trace
-from unlit.render.relight import composed
+from unlit.render.relighter import composed
 from unlit.render.transport import Directions, Points, shade, visibility
 from unlit.scene.cells import grid_cells, refine
 from unlit.scene.light import (

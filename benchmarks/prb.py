@@ -22,16 +22,16 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 # isort: split
 import drjit as dr
 
-from unlit._runtime import mitsuba
 from unlit.evaluate.metrics import best_gain, compare
 from unlit.evaluate.protocol import Known, Row, Shot
+from unlit.evaluate.psnr import psnr
+from unlit.face.reconstruction import Reconstruction
+from unlit.machine.runtime import mitsuba
 from unlit.optimize.losses import encode
-from unlit.optimize.schedule import TABLE_1
-from unlit.psnr import psnr
-from unlit.reconstruction import Reconstruction
 from unlit.render.reference import mesh_body, mitsuba_environment
 from unlit.scene.arrays import device
 from unlit.scene.mesh import Mesh
+from unlit.settings.settings import TABLE_1
 
 mi = mitsuba()
 

@@ -37,8 +37,8 @@ from unlit.evaluate.metrics import check_packages
 from unlit.evaluate.protocol import Row, Study
 from unlit.evaluate.store import Store
 from unlit.evaluate.table import Table, markdown
-from unlit.fingerprint import key
-from unlit.optimize.schedule import PRESETS
+from unlit.settings.settings import PRESETS
+from unlit.storage.keys import key
 
 REFERENCE = Path(__file__).with_name("quality_reference.json")
 #: A lower PSNR than the reference's by more than this, dB, is a failure.

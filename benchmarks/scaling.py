@@ -21,7 +21,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from unlit.optimize.schedule import TABLE_1
+from unlit.settings.settings import TABLE_1
 
 
 def row(size: int, cells: int, threads: int, share: float) -> dict[str, Any]:

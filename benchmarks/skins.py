@@ -30,8 +30,8 @@ from unlit.evaluate.protocol import Row, Shot, Study
 from unlit.evaluate.store import Store
 from unlit.evaluate.subject import SKINS
 from unlit.evaluate.table import Table, markdown
-from unlit.fingerprint import key
-from unlit.optimize.schedule import PRESETS
+from unlit.settings.settings import PRESETS
+from unlit.storage.keys import key
 
 LIGHTS = ("uniform", "flash", "side")
 _SEED, _YAW = 24, 8.0

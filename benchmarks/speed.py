@@ -25,13 +25,12 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 # isort: split
 import drjit as dr
 
-from unlit._runtime import mitsuba
 from unlit.head.model import default_model
+from unlit.machine.runtime import mitsuba
 from unlit.optimize.problem import Evidence, Problem
-from unlit.optimize.schedule import PRESETS, TABLE_1
 from unlit.optimize.stages import run_stages
 from unlit.render.reference import mesh_body
-from unlit.render.relight import composed
+from unlit.render.relighter import composed
 from unlit.render.transport import Directions, Points, shade, visibility
 from unlit.scene.arrays import device
 from unlit.scene.camera import Camera
@@ -39,6 +38,7 @@ from unlit.scene.cells import grid_cells
 from unlit.scene.light import SphericalGaussians
 from unlit.scene.maps import Maps
 from unlit.scene.mesh import Mesh, surface
+from unlit.settings.settings import PRESETS, TABLE_1
 
 mi = mitsuba()
 

@@ -1,6 +1,6 @@
 """A reconstruction that takes no time worth speaking of, for tests of what a batch does around it.
 
-`install` puts it in place of `unlit.pipeline.reconstruct` and `unlit.output.save`; loaded by
+`install` puts it in place of `unlit.pipeline.chain.reconstruct` and `unlit.output.save`; loaded by
 `dask worker --preload`, this file installs itself, told how by the environment. The photo's first
 pixel says what happens: red raises an error that is no user's, green ends the process.
 """
@@ -19,8 +19,8 @@ from PIL import Image
 
 import unlit
 import unlit.output
-from unlit.output.folder import MARK, MARK_TEXT, write_all
-from unlit.photo import Photo
+from unlit.photo.photo import Photo
+from unlit.storage.folder import MARK, MARK_TEXT, write_all
 
 LOG, SECONDS = "UNLIT_TEST_LOG", "UNLIT_TEST_SECONDS"
 
@@ -62,14 +62,14 @@ def install(log: Path, seconds: float = 0.0, patch: Any = None) -> None:
             folder, {name: lambda path, t=text: path.write_text(t) for name, text in texts.items()}
         )
 
-    pipeline = types.ModuleType("unlit.pipeline")
+    pipeline = types.ModuleType("unlit.pipeline.chain")
     pipeline.reconstruct = reconstruct  # type: ignore[attr-defined]
     pipeline.choose = lambda faces, which, source: faces[0]  # type: ignore[attr-defined]
     if patch is None:
-        sys.modules["unlit.pipeline"] = pipeline
+        sys.modules["unlit.pipeline.chain"] = pipeline
         unlit.output.save = save  # type: ignore[assignment]
     else:
-        patch.setitem(sys.modules, "unlit.pipeline", pipeline)
+        patch.setitem(sys.modules, "unlit.pipeline.chain", pipeline)
         patch.setattr(unlit, "pipeline", pipeline, raising=False)
         patch.setattr(unlit.output, "save", save)
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import ConvexHull
 
-from unlit._runtime import mitsuba
+from unlit.machine.runtime import mitsuba
 from unlit.render.transport import Points
 from unlit.scene.camera import Camera
 from unlit.scene.maps import Maps

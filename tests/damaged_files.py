@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 import unlit
-import unlit.photo  # noqa: F401  (once for all variants)
+import unlit.photo.photo  # noqa: F401  (once for all variants)
 from unlit import cli
 from unlit.errors import UnlitError
 
@@ -79,10 +79,10 @@ def put_stand_ins(kind: str) -> None:
         raise UnlitError(READ)
 
     cli.models.fetch = lambda *_: None
-    pipeline = types.ModuleType("unlit.pipeline")
+    pipeline = types.ModuleType("unlit.pipeline.chain")
     pipeline.reconstruct = read  # type: ignore[attr-defined]
     if not kind.startswith("subject"):
-        sys.modules["unlit.pipeline"] = pipeline
+        sys.modules["unlit.pipeline.chain"] = pipeline
     if kind.startswith("result"):
         import unlit.output
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from small_head import small_head
-from unlit.reconstruction import Reconstruction
+from unlit.face.reconstruction import Reconstruction
 
 METRICS = {
     "landmark_residual": 0.02,

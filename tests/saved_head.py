@@ -10,8 +10,9 @@ import pytest
 from PIL import Image
 
 from small_head import save_quickly, small_head
-from unlit.photo import Crop, read_photo
-from unlit.reconstruction import Reconstruction
+from unlit.face.reconstruction import Reconstruction
+from unlit.photo.crop import Crop
+from unlit.photo.photo import read_photo
 
 SIZE = 64
 

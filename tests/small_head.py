@@ -13,8 +13,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from unlit.photo import Crop
-from unlit.reconstruction import Reconstruction
+from unlit.face.reconstruction import Reconstruction
+from unlit.photo.crop import Crop
 from unlit.scene.camera import Camera
 from unlit.scene.light import SphericalGaussians
 from unlit.scene.maps import Maps, fill

@@ -16,13 +16,13 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 
 # isort: split
 from bumpy_head import bumpy_head, camera
+from unlit.face.reconstruction import Reconstruction
 from unlit.optimize.checkpoint import Checkpoint
-from unlit.optimize.schedule import Settings
 from unlit.output.arrays import write_arrays
 from unlit.perception.regions import Regions
-from unlit.photo import Crop
-from unlit.pipeline import Capture, Head, solve
-from unlit.reconstruction import Reconstruction
+from unlit.photo.crop import Crop
+from unlit.pipeline.chain import Capture, Head, solve
+from unlit.settings.settings import Settings
 
 SIZE = 32
 

@@ -16,19 +16,19 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from . import _runtime
+from .machine import runtime as _runtime
 
 # Before anything imports drjit, which looks for LLVM when it is loaded.
 _runtime.point_to_llvm()
 
 if TYPE_CHECKING:
     from .errors import UnlitError
-    from .optimize.schedule import PRESETS, Settings, override
+    from .face.reconstruction import Reconstruction
     from .output import load
-    from .photo import Photo, read_photo
-    from .pipeline import reconstruct
-    from .reconstruction import Reconstruction
+    from .photo.photo import Photo, read_photo
+    from .pipeline.chain import reconstruct
     from .scene import light as lights
+    from .settings.settings import PRESETS, Settings, override
 
     __version__: str
 
@@ -47,15 +47,15 @@ __all__ = [
 ]
 
 _MODULE = {
-    "PRESETS": "optimize.schedule",
-    "Photo": "photo",
-    "Reconstruction": "reconstruction",
-    "Settings": "optimize.schedule",
+    "PRESETS": "settings.settings",
+    "Photo": "photo.photo",
+    "Reconstruction": "face.reconstruction",
+    "Settings": "settings.settings",
     "UnlitError": "errors",
     "load": "output",
-    "override": "optimize.schedule",
-    "read_photo": "photo",
-    "reconstruct": "pipeline",
+    "override": "settings.settings",
+    "read_photo": "photo.photo",
+    "reconstruct": "pipeline.chain",
 }
 
 

@@ -25,7 +25,7 @@ from skimage.data import astronaut
 
 import batch_stand_in
 from batch_stand_in import noted, picture
-from unlit.output.folder import MARK
+from unlit.storage.folder import MARK
 
 pytest.importorskip("distributed", reason="needs the extra 'batch'")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import itertools
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +13,9 @@ from scipy import ndimage
 
 import unlit
 from unlit.evaluate.metrics import best_gain
-from unlit.pipeline import Capture, Head, observe, solve, without_cast_shadow
-from unlit.psnr import psnr
-from unlit.reconstruction import Reconstruction
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from unlit.evaluate.psnr import psnr
+from unlit.face.reconstruction import Reconstruction
+from unlit.pipeline.chain import Capture, Head, observe, solve, without_cast_shadow
 
 SIZE = 256
 #: Landmarks: the forehead's outline, tops of the brows, corners of both eyes.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +9,7 @@ import pytest
 
 import unlit
 from unlit.evaluate.metrics import best_gain
-from unlit.psnr import psnr
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from unlit.evaluate.psnr import psnr
 
 
 @pytest.mark.parametrize(
@@ -25,7 +22,7 @@ def test_flash_to_uniform(shared: Path, skin: str, true_mesh: bool, bar: float) 
     """
     from ict import ict_subject
     from unlit.head.model import default_model
-    from unlit.pipeline import Head, fitted_head, observe, solve
+    from unlit.pipeline.chain import Head, fitted_head, observe, solve
 
     subject = ict_subject(shared, skin, seed=1, size=256)
     flash, uniform = (

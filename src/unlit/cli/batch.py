@@ -39,13 +39,13 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..batch import require_extra
+    from ..batches import require_extra
 
     require_extra()
-    from ..batch.photos import find_photos
-    from ..batch.progress import BatchConsole
-    from ..batch.run import run_batch
-    from ..batch.store import Store
+    from ..batches.photos import find_photos
+    from ..batches.progress import BatchConsole
+    from ..batches.run import run_batch
+    from ..batches.store import Store
     from ..head.library import head_model
 
     settings, folder = settings_of(options), options.output

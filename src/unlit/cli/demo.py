@@ -10,7 +10,7 @@ from .reconstruct import reconstruct_into
 from .settings import add_settings
 
 if TYPE_CHECKING:
-    from ..photo import Photo
+    from ..photo.photo import Photo
 
 _FOLDER = "unlit-demo"
 
@@ -33,7 +33,7 @@ def run(options: argparse.Namespace) -> int:
     def astronaut() -> Photo:
         from skimage.data import astronaut
 
-        from ..photo import Photo
+        from ..photo.photo import Photo
 
         return Photo.of(astronaut(), "astronaut.png")
 

@@ -21,7 +21,7 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..doctor import checks
+    from ..machine.doctor import checks
 
     found = checks()
     width = max(len(check.name) for check in found)

@@ -53,8 +53,8 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..console import StepConsole
     from ..output import export, load
+    from ..progress.console import StepConsole
 
     source = Path(options.folder)
     target = Path(options.output) if options.output else source / "export"

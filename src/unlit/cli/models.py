@@ -41,7 +41,7 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from .. import assets
+    from ..machine import assets
 
     if options.action == "add":
         return _add(options.name, options.folder)
@@ -76,8 +76,8 @@ def _add(name: str | None, folder: str | None) -> int:
     """Make a head model of the files in `folder`."""
     if name is None or folder is None:
         raise SettingsError("name the model and its files, as in: unlit models add ict FOLDER")
-    from ..console import StepConsole
     from ..head import library
+    from ..progress.console import StepConsole
 
     print(library.add(name, Path(folder), StepConsole()))
     return 0
@@ -85,8 +85,8 @@ def _add(name: str | None, folder: str | None) -> int:
 
 def fetch(*commands: str) -> None:
     """Fetch what is missing of the models that `commands` need, or of all."""
-    from .. import assets
-    from ..console import FetchConsole
+    from ..machine import assets
+    from ..progress.console import FetchConsole
 
     progress = FetchConsole()
     for name, entry in assets.ASSETS.items():

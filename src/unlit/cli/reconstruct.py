@@ -60,7 +60,7 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..photo import read_photo
+    from ..photo.photo import read_photo
 
     if options.from_stage is not None:
         options.again = ", the saved result is as it was; run the same command again"
@@ -93,11 +93,11 @@ def reconstruct_into(
 
     mask: a picture file. resume: go on with an unfinished run.
     """
-    from ..console import RunConsole, standard_error
+    from ..progress.console import RunConsole, standard_error
 
     settings = settings_of(options)
     from ..output import CHECKPOINT, RESULT_FILES, needed_bytes, reserve
-    from ..output.folder import MARK
+    from ..storage.folder import MARK
 
     folder = Path(options.output)
     with reserve(folder, RESULT_FILES, needed_bytes(settings.resolution)) as preview:
@@ -105,7 +105,7 @@ def reconstruct_into(
         models.fetch("reconstruct")
         from ..head.library import head_model
         from ..optimize.checkpoint import Checkpoint
-        from ..pipeline import reconstruct
+        from ..pipeline.chain import reconstruct
 
         head = head_model(settings.head_model)
         checkpoint = Checkpoint(folder / CHECKPOINT, resume)
@@ -146,8 +146,8 @@ def reconstruct_into(
 
 def _check_finished(folder: Path, photo: Any, settings: Any) -> None:
     """Raise OutputError if the result in `folder` is not what is asked for: it is not replaced."""
-    from ..optimize.schedule import as_dict
     from ..output import load
+    from ..settings.settings import as_dict
 
     found = load(folder)
     if (found.photo_name, found.settings) != (Path(photo.source).name, as_dict(settings)):
@@ -159,7 +159,7 @@ def _check_finished(folder: Path, photo: Any, settings: Any) -> None:
 
 def _continue(options: argparse.Namespace) -> int:
     """Run some stages again on a saved result."""
-    from ..console import RunConsole
+    from ..progress.console import RunConsole
 
     unused = {
         "PHOTO": options.photo is not None,
@@ -180,8 +180,8 @@ def _continue(options: argparse.Namespace) -> int:
     named = options.resume if isinstance(options.resume, str) else options.output
     if named is None:
         raise SettingsError("--from-stage: name the folder of the result, as --resume DIR")
-    from ..optimize.schedule import PRESETS, override
     from ..output import RESULT_FILES, edited, load, needed_bytes, reserve
+    from ..settings.settings import PRESETS, override
 
     source, stage = Path(named), options.from_stage
     face = load(source)
@@ -189,7 +189,7 @@ def _continue(options: argparse.Namespace) -> int:
     settings = override(override(PRESETS["paper"], face.settings), changes | dict(options.set))
     folder = Path(options.output or named)
     with reserve(folder, RESULT_FILES, needed_bytes(settings.resolution)) as preview:
-        from ..continuation import continued, kept_fit
+        from ..pipeline.resume import continued, kept_fit
 
         kept_fit(face, stage, settings)
         face, files = edited(face, source, stage)
@@ -207,9 +207,9 @@ def _continue(options: argparse.Namespace) -> int:
 
 
 def _say_settings(console: Any, settings: Any, preview: Path, iterations: dict[str, int]) -> None:
-    from .. import footprint
-    from ..console import settings_block
-    from ..optimize.schedule import as_dict
+    from ..machine import cost as footprint
+    from ..progress.console import settings_block
+    from ..settings.settings import as_dict
 
     for line in settings_block(as_dict(settings)):
         console.note(line)

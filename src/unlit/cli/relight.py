@@ -83,7 +83,7 @@ def _angle(text: str) -> float | str:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..console import StepConsole
+    from ..progress.console import StepConsole
     from ..relighting.command import Order, relight
 
     asked = {name: getattr(options, name) for name in Order.__dataclass_fields__}

@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .. import footprint
 from ..errors import SettingsError
+from ..machine import cost as footprint
 
 if TYPE_CHECKING:
-    from ..optimize.schedule import Settings
+    from ..settings.settings import Settings
 
 #: Kept here, too, so that the help does not wait for the renderer.
 PRESETS = ("paper", "draft")
@@ -95,7 +95,7 @@ def add_settings(
 
 def settings_of(options: argparse.Namespace) -> Settings:
     """Preset, then --config, then the options with names of settings, then --set."""
-    from ..optimize.schedule import PRESETS, override
+    from ..settings.settings import PRESETS, override
 
     changes: dict[str, Any] = {}
     if options.config is not None:
@@ -117,7 +117,7 @@ def settings_of(options: argparse.Namespace) -> Settings:
 
 def _config(path: Path) -> dict[str, Any]:
     """Settings of a TOML file: at its top level, or in the table `settings` of a saved result."""
-    from ..toml import read_toml
+    from ..storage.toml import read_toml
 
     try:
         values = read_toml(path)

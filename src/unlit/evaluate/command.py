@@ -12,16 +12,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from ..console import RunConsole, clock, standard_error
 from ..errors import FaceError, SettingsError, SubjectError
-from ..fingerprint import RECONSTRUCTION, code, key
-from ..optimize.schedule import Settings, as_dict
+from ..face.reconstruction import Reconstruction
 from ..output import write_one
 from ..output.images import png
-from ..photo import Photo, read_photo
-from ..pipeline import reconstruct
-from ..reconstruction import Reconstruction
+from ..photo.photo import Photo, read_photo
+from ..pipeline.chain import reconstruct
+from ..progress.console import RunConsole, clock, standard_error
 from ..relighting.lights import LIGHTS, named
+from ..settings.settings import Settings, as_dict
+from ..storage.keys import RECONSTRUCTION, code, key
 from .figure import check_sheet, result_sheet
 from .metrics import check_packages
 from .persons import consistency

@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from ..assets import asset
 from ..errors import ModelError
+from ..machine.assets import asset
 
 ASSET = "lpips-alexnet"
 

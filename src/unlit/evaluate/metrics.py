@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from ..color import encode_srgb
 from ..errors import MachineError
-from ..psnr import psnr, psnr_linear
 from .lpips import lpips
+from .psnr import psnr, psnr_linear
 
 
 def best_gain(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:

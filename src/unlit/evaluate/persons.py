@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from ..color import encode_srgb
 from ..errors import FaceError
-from ..reconstruction import Reconstruction
+from ..face.reconstruction import Reconstruction
 from .subject import visible_surface
 
 #: Barycentric coordinates of the points taken on every triangle.

@@ -17,17 +17,24 @@ import numpy as np
 
 from ..color import encode_srgb
 from ..errors import SubjectError
-from ..fingerprint import RECONSTRUCTION, RENDERING, code, key
+from ..face.reconstruction import Reconstruction
 from ..head.library import head_model, model_key
 from ..head.model import HeadModel
 from ..optimize.problem import Progress
-from ..optimize.schedule import Settings, as_dict
-from ..photo import Photo
-from ..pipeline import Head, fitted_head, observe, solve, with_light_color, without_cast_shadow
-from ..psnr import psnr
-from ..reconstruction import Reconstruction
-from ..render.relight import traced
+from ..photo.photo import Photo
+from ..pipeline.chain import (
+    Head,
+    fitted_head,
+    observe,
+    solve,
+    with_light_color,
+    without_cast_shadow,
+)
+from ..render.relighter import traced
+from ..settings.settings import Settings, as_dict
+from ..storage.keys import RECONSTRUCTION, RENDERING, code, key
 from .metrics import angle, best_gain, compare, surface_distance
+from .psnr import psnr
 from .scan import Scan
 from .store import Store
 from .subject import Subject, visible_surface
@@ -36,8 +43,14 @@ _EXPOSED = 0.8
 #: Points of each surface that take part in the distance of meshes.
 _POINTS = 20_000
 #: The code that decides the errors of the maps, and the metrics of a picture.
-_MAPS = ("evaluate/metrics.py", "evaluate/protocol.py", "evaluate/subject.py", "psnr.py", "scene")
-_METRICS = ("evaluate/metrics.py", "evaluate/lpips.py", "psnr.py")
+_MAPS = (
+    "evaluate/metrics.py",
+    "evaluate/protocol.py",
+    "evaluate/subject.py",
+    "evaluate/psnr.py",
+    "scene",
+)
+_METRICS = ("evaluate/metrics.py", "evaluate/lpips.py", "evaluate/psnr.py")
 #: The subject's seed is 2 k, the reconstruction's 2 k + 1: their noise must not agree.
 _RELIT = 1
 

@@ -13,11 +13,11 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from .._runtime import mitsuba
 from ..color import encode_srgb
 from ..errors import SubjectError
+from ..machine.runtime import mitsuba
 from ..perception.landmarks import find_faces
-from ..photo import face_crop
+from ..photo.crop import face_crop
 from ..render.reference import FaceBSDF, mesh_body, trace
 from ..scene.arrays import device
 from ..scene.camera import Camera

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import OutputError
+from ..face.reconstruction import Reconstruction
 from ..output import load, save, write_one
-from ..reconstruction import Reconstruction
 
 Busy = Callable[[str], AbstractContextManager[Any]]
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from .._runtime import mitsuba
+from ..machine.runtime import mitsuba
 from ..render.reference import path_trace
 from ..scene.brdf import ROUGHNESS
 from ..scene.camera import Camera

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from ..errors import SubjectError
-from ..meshes import V_AXIS, Surface, read_mesh
-from ..pictures import read_picture
 from ..scene.brdf import ROUGHNESS
 from ..scene.camera import Camera
 from ..scene.normals import vertex_normals
-from ..toml import read_toml
+from ..storage.meshes import V_AXIS, Surface, read_mesh
+from ..storage.pictures import read_picture
+from ..storage.toml import read_toml
 from .scan import Part, Scan, frontal, seen_by
 
 FORMAT = 1

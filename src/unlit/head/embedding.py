@@ -18,15 +18,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from skimage.measure import points_in_poly
 
-from .._runtime import mitsuba
 from ..errors import ModelError
-from ..perception.topology import (
-    LEFT_EYE,
-    LEFT_EYEBROW,
-    LIPS_INNER,
-    RIGHT_EYE,
-    RIGHT_EYEBROW,
-)
+from ..machine.runtime import mitsuba
+from ..perception.topology import LEFT_EYE, LEFT_EYEBROW, LIPS_INNER, RIGHT_EYE, RIGHT_EYEBROW
 from ..scene.camera import Camera
 from .model import LANDMARKS, VERTEX_REGIONS, HeadModel
 
@@ -281,8 +275,8 @@ def _move_to_lip_rim(caster: _Caster, points: np.ndarray) -> None:
 
 def main() -> None:
     """Make the embedding that is shipped for the MakeHuman head anew."""
-    from ..assets import asset
-    from .makehuman import ASSET, build
+    from ..machine.assets import asset
+    from .sources.makehuman import ASSET, build
 
     model: HeadModel = build(asset(ASSET), bare=True)
     found = embed_landmarks(model.neutral, model.triangles, model.vertex_region, symmetric=True)

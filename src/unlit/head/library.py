@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import platformdirs
 
-from ..assets import FOLDER_VARIABLE
 from ..errors import ModelError
-from ..fingerprint import key
+from ..machine.assets import FOLDER_VARIABLE
+from ..storage.keys import key
 from .model import HeadModel, default_model
 
 DEFAULT = "makehuman"
@@ -78,7 +78,7 @@ def add(name: str, source: Path, progress: Progress) -> Path:
     """
     if name != "ict":
         raise ModelError(f"{name}: no such head model to add; there is ict (ICT-FaceKit)")
-    from .ict import build
+    from .sources.ict import build
 
     if not source.is_dir():
         raise ModelError(f"{source}: not a folder; give FaceXModel of a copy of ICT-FaceKit")

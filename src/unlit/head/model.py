@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import ModelError
-from ..npy import DAMAGED, read_header, reason
+from ..storage.npy import DAMAGED, read_header, reason
 
 VERTEX_REGIONS = ("skin", "lips", "eyes", "eyebrows", "mouth", "scalp", "neck", "ears")
 LANDMARKS = 478
@@ -215,6 +215,6 @@ def _validate(model: HeadModel) -> None:
 
 def default_model() -> HeadModel:
     """The head model used when the user names none: MakeHuman's, built once and cached."""
-    from .makehuman import cached_model
+    from .sources.makehuman import cached_model
 
     return cached_model()

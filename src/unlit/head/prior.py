@@ -197,9 +197,9 @@ def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> tuple[np.ndarray,
 
 def main(ict: Path) -> None:
     """Make the prior that is shipped."""
-    from ..assets import asset
+    from ..machine.assets import asset
     from .basis import principal_combinations
-    from .makehuman import ASSET, KEEP, build_unlearnt, inner_product_weights
+    from .sources.makehuman import ASSET, KEEP, build_unlearnt, inner_product_weights
 
     model, axes, rows = build_unlearnt(asset(ASSET))
     weights = inner_product_weights(model.neutral, model.triangles, model.vertex_region)

@@ -134,8 +134,8 @@ def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> Relief:
 
 def main(ict: Path) -> None:
     """Make the relief that is shipped."""
-    from ..assets import asset
-    from .makehuman import ASSET, build_flat, inner_product_weights
+    from ..machine.assets import asset
+    from .sources.makehuman import ASSET, build_flat, inner_product_weights
 
     model = build_flat(asset(ASSET))
     weights = inner_product_weights(model.neutral, model.triangles, model.vertex_region)

@@ -11,7 +11,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from .._runtime import mitsuba
+from ..machine.runtime import mitsuba
 from ..scene.arrays import device
 from ..scene.linear import linear
 from ..scene.maps import kernel

@@ -16,15 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from .._runtime import mitsuba
 from ..errors import OutputError
-from ..fingerprint import RECONSTRUCTION, code, key
-from ..output.arrays import Kind, check_indices, read_checked
-from ..output.folder import write_one
+from ..machine.runtime import mitsuba
 from ..scene.arrays import device
 from ..scene.cells import Cells
+from ..settings.settings import TABLE_1, Settings, as_dict
+from ..storage.arrays import Kind, check_indices, read_checked
+from ..storage.folder import write_one
+from ..storage.keys import RECONSTRUCTION, code, key
 from .problem import Estimate, Evidence, Problem, Shading
-from .schedule import TABLE_1, Settings, as_dict
 from .stages import Begin
 
 mi = mitsuba()

@@ -11,7 +11,7 @@ from typing import Any
 
 import drjit as dr
 
-from .._runtime import mitsuba
+from ..machine.runtime import mitsuba
 
 mi = mitsuba()
 

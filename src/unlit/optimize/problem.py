@@ -9,9 +9,9 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from .. import exposure
-from .._runtime import mitsuba
 from ..color import encode_srgb
+from ..face import gain as exposure
+from ..machine.runtime import mitsuba
 from ..render.bounce import Bounce, Gloss
 from ..render.transport import Directions, Points, Transport, shade, visibility
 from ..scene.arrays import device
@@ -20,8 +20,8 @@ from ..scene.cells import Cells
 from ..scene.light import SphericalGaussians
 from ..scene.maps import Maps, fill
 from ..scene.mesh import Hits, Mesh, surface
+from ..settings.settings import Settings
 from .losses import Neighbours, censored
-from .schedule import Settings
 
 mi = mitsuba()
 

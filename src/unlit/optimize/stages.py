@@ -14,7 +14,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from .._runtime import mitsuba
+from ..machine.runtime import mitsuba
 from ..render.transport import linearize
 from ..scene.arrays import device
 from ..scene.cells import Cells, grid_cells, refine
@@ -23,12 +23,12 @@ from ..scene.light import grid_lobes
 from ..scene.lobes import CellRadiance
 from ..scene.maps import DIFFUSE_BLUR
 from ..scene.mesh import surface, vertex_normals
+from ..settings.settings import Settings, Stage
 from .blend import Blend
 from .blur import Blur
 from .losses import encode, gloss_l1, image_l1, landmark_l2, normal_l2, shape_l2, total_variation
 from .optimizer import Adam
 from .problem import Estimate, LightSample, Problem, Shading
-from .schedule import Settings, Stage
 
 mi = mitsuba()
 

@@ -1,8 +1,8 @@
 """The folder of results: written whole or not at all, loaded again to the bit."""
 
+from ..storage.folder import CHECKPOINT, REPORT, STAGES, reserve, write_one
 from .edits import edited
 from .export import FORMATS, export
-from .folder import CHECKPOINT, REPORT, STAGES, reserve, write_one
 from .load import load
 from .montage import montage, montage_png, preview_png
 from .save import FILES, RESULT_FILES, needed_bytes, save

@@ -31,9 +31,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
 
-from .._runtime import mitsuba
-from ..reconstruction import Reconstruction
-from ..render.relight import maps_of
+from ..face.reconstruction import Reconstruction
+from ..machine.runtime import mitsuba
+from ..render.relighter import maps_of
 from ..scene.mesh import Mesh, surface
 from .geometry import Welded, welded
 from .parts import EYES, INSIDE, SKIN, parts

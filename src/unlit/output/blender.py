@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..reconstruction import Reconstruction
+from ..face.reconstruction import Reconstruction
 from ..scene.brdf import IOR
 from .atlas import Atlas
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from ..color import decode_srgb
 from ..errors import OutputError
-from ..mask import painted
+from ..face.reconstruction import Reconstruction
+from ..perception.mask import painted
 from ..perception.regions import Regions
-from ..pictures import read_picture
-from ..reconstruction import Reconstruction
+from ..storage.pictures import read_picture
 from .images import MAPS
 
 #: What stages can start from: by name, the values of a preview's levels, 0 to 1.

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import tomli_w
 
 from ..errors import SettingsError
-from ..reconstruction import Reconstruction
-from .folder import write_all
+from ..face.reconstruction import Reconstruction
+from ..storage.folder import write_all
 from .geometry import mtl, obj, ply
 from .images import exr, png
 from .textures import EXRS, MAP_FILES, PNGS

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..reconstruction import Reconstruction
+from ..face.reconstruction import Reconstruction
 from ..scene.normals import vertex_normals
 from . import textures
 from .parts import PARTS

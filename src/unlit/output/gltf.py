@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ..color import encode_srgb
-from ..reconstruction import Reconstruction
+from ..face.reconstruction import Reconstruction
 from ..scene.brdf import IOR
 from .atlas import Atlas
 from .images import bytes_of, encoded, png

@@ -23,9 +23,9 @@ from collections.abc import Callable
 import numpy as np
 from PIL import Image
 
-from .._runtime import mitsuba, second_thread
 from ..color import encode_srgb
-from ..reconstruction import Reconstruction
+from ..face.reconstruction import Reconstruction
+from ..machine.runtime import mitsuba, second_thread
 
 
 def bytes_of(image: np.ndarray) -> np.ndarray:

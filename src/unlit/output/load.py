@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from ..conditions.illuminant import WHITE
 from ..errors import OutputError
-from ..illuminant import WHITE
-from ..photo import Crop
-from ..reconstruction import Reconstruction
+from ..face.reconstruction import Reconstruction
+from ..photo.crop import Crop
 from ..scene.camera import Camera
 from ..scene.light import SphericalGaussians
-from ..toml import read_toml
+from ..storage.folder import MARK
+from ..storage.toml import read_toml
 from .arrays import read_arrays
-from .folder import MARK
 from .save import FORMAT
 
 _TEXT_LIMIT = 16 << 20

@@ -21,10 +21,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from .._runtime import mitsuba
-from ..reconstruction import Reconstruction
+from ..face.reconstruction import Reconstruction
+from ..machine.runtime import mitsuba
 from ..render.reference import FaceBSDF, mitsuba_environment
-from ..render.relight import maps_of
+from ..render.relighter import maps_of
 from ..scene.brdf import IOR
 
 mi = mitsuba()

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from .._runtime import mitsuba
 from ..color import encode_srgb
-from ..reconstruction import Reconstruction
+from ..face.reconstruction import Reconstruction
+from ..machine.runtime import mitsuba
 from ..scene.light import RASTER, disc, flash, latlong_directions, latlong_solid_angles
 from .images import bytes_of, encoded, normals, png, tone_mapped
 

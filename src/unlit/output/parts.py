@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from .._runtime import mitsuba
+from ..machine.runtime import mitsuba
 
 SKIN, EYES, INSIDE = range(3)
 #: Names of the parts, used for the materials of the files.

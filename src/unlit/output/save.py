@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tomli_w
 
-from ..reconstruction import Reconstruction
+from ..face.reconstruction import Reconstruction
+from ..storage.folder import CHECKPOINT, MARK, MARK_TEXT, REPORT, STAGES, write_all
 from .arrays import write_arrays
 from .export import atlas_pngs
-from .folder import CHECKPOINT, MARK, MARK_TEXT, REPORT, STAGES, write_all
 from .geometry import mtl, obj, ply
 from .images import MAPS, exr, png
 from .montage import montage_png

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 from .contours import coverage, smooth_contour
+from .skin import colours, disk, face_size, smoothstep
 from .topology import LIP_GAP, LIPS_INNER, LIPS_OUTER
-from .visibility import colours, disk, face_size, smoothstep
 
 # Mean gap over the mouth's width. Closed lips measured up to 0.016; wide open needs no evidence.
 _GAP = (0.02, 0.04)

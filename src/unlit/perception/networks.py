@@ -18,8 +18,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..assets import asset
 from ..errors import ModelError
+from ..machine.assets import asset
 
 BUNDLE = "face_landmarker.task"
 DETECTOR = "face_detector.tflite"

@@ -15,6 +15,7 @@ from ..errors import FaceError
 from .contours import coverage, feather, smooth_contour
 from .glasses import glasses_frames
 from .mouth import mouth_opening, relative_gap
+from .skin import face_size, smoothstep, visible_face
 from .topology import (
     LEFT_EYE,
     LEFT_EYEBROW,
@@ -25,7 +26,6 @@ from .topology import (
     RIGHT_EYEBROW,
     RIGHT_LID_GAP,
 )
-from .visibility import face_size, smoothstep, visible_face
 
 REGIONS = ("skin", "lips", "eyes", "eyebrows")
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import SettingsError
+from ..face.reconstruction import Reconstruction
 from ..output import RESULT_FILES, load, write_one
-from ..output.folder import ensure_writable
 from ..output.images import encoded, exr, png
-from ..photo import read_photo
-from ..reconstruction import Reconstruction
+from ..photo.photo import read_photo
+from ..storage.folder import ensure_writable
 from .composite import Backdrop
 from .frames import Frame, Progress, pictures, sweep, turntable
 from .lights import FILES, exposed, named

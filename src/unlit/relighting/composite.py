@@ -9,9 +9,9 @@ from scipy import ndimage
 
 from ..color import encode_srgb
 from ..errors import PhotoError
+from ..face.reconstruction import Reconstruction
 from ..output.images import encoded
-from ..photo import Photo
-from ..reconstruction import Reconstruction
+from ..photo.photo import Photo
 from ..scene.maps import fill
 
 #: Greatest root-mean-square difference, sRGB-encoded, of the photo's crop from the one that the

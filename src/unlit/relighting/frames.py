@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..console import clock
-from ..reconstruction import Reconstruction
-from ..render.relight import Face, Relighter, traced
+from ..face.reconstruction import Reconstruction
+from ..progress.console import clock
+from ..render.relighter import Face, Relighter, traced
 from .lights import turned
 from .pose import Turntable
 

@@ -19,9 +19,9 @@ import cv2
 import numpy as np
 
 from ..errors import PictureError, SettingsError
-from ..pictures import read_picture
 from ..scene.cells import Flux, grid_cells
 from ..scene.light import disc, flash, uniform
+from ..storage.pictures import read_picture
 
 #: Lights that have a name. `side` stands 60 degrees to the picture's right, a little above.
 LIGHTS: dict[str, Callable[[], np.ndarray]] = {

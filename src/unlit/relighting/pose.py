@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._runtime import mitsuba
+from ..face.reconstruction import Reconstruction
+from ..machine.runtime import mitsuba
 from ..output.atlas import bake
 from ..output.parts import INSIDE
-from ..reconstruction import Reconstruction
-from ..render.relight import Seen
+from ..render.relighter import Seen
 from ..scene.maps import Maps, fill
 from ..scene.mesh import Mesh, surface_weights
 

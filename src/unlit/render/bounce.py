@@ -24,7 +24,7 @@ import drjit as dr
 import numpy as np
 from scipy import sparse
 
-from .._runtime import mitsuba
+from ..machine.runtime import mitsuba
 from ..scene.arrays import device
 from ..scene.brdf import reflectance_table, specular
 from ..scene.camera import Camera

@@ -14,7 +14,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from .._runtime import mitsuba
+from ..machine.runtime import mitsuba
 from ..scene.brdf import specular
 from ..scene.camera import Camera
 from ..scene.maps import Maps

@@ -22,7 +22,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from .._runtime import mitsuba
+from ..machine.runtime import mitsuba
 from ..scene.arrays import device
 from ..scene.brdf import specular, specular_with_gradient
 from ..scene.cells import Cells

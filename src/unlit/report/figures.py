@@ -6,11 +6,11 @@ from html import escape
 
 import numpy as np
 
+from ..face.reconstruction import Reconstruction
 from ..output.atlas import DIFFUSED, GRAZING, MIRRORED, PLAIN, SEEN, Atlas
 from ..output.images import MAPS, encoded
 from ..output.montage import clay, error, light
 from ..output.textures import normal_bytes
-from ..reconstruction import Reconstruction
 from .pictures import data_uri, webp, webp_exact
 from .scene import material
 from .stages import Stages

@@ -14,14 +14,14 @@ from typing import Any
 import tomli_w
 
 from ..color import is_white
-from ..exposure import full_light
-from ..findings import findings
-from ..illuminant import AUTO, temperature
+from ..conditions.illuminant import AUTO, temperature
+from ..evaluate.psnr import psnr
+from ..face.gain import full_light
+from ..face.reconstruction import Reconstruction
+from ..face.warnings import findings
 from ..output.atlas import Atlas, bake
-from ..output.folder import REPORT, write_one
 from ..output.load import load
-from ..psnr import psnr
-from ..reconstruction import Reconstruction
+from ..storage.folder import REPORT, write_one
 from . import figures
 from .bundle import REMEDY, WEB, missing_because, program
 from .charts import loss_chart, points_of

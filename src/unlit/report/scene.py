@@ -18,10 +18,10 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from .._runtime import mitsuba
+from ..face.reconstruction import Reconstruction
+from ..machine.runtime import mitsuba
 from ..output.atlas import Atlas
 from ..output.montage import outdoors
-from ..reconstruction import Reconstruction
 from ..render.visibility import trace
 from ..scene.arrays import device
 from ..scene.cells import grid_cells

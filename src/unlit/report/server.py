@@ -16,8 +16,8 @@ from pathlib import Path
 from shutil import copyfileobj
 
 from ..errors import OutputError
-from ..output.folder import REPORT
 from ..output.save import RESULT_FILES
+from ..storage.folder import REPORT
 
 HOST = "127.0.0.1"
 #: What may be asked for, besides / for the report.

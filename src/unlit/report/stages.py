@@ -13,10 +13,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ..errors import OutputError
-from ..npy import DAMAGED
-from ..output.folder import STAGES
+from ..face.reconstruction import Reconstruction
 from ..output.images import encoded, normals
-from ..reconstruction import Reconstruction
+from ..storage.folder import STAGES
+from ..storage.npy import DAMAGED
 from .pictures import webp
 
 #: In order, for each state: its name, and WebP files by kind ("render", "albedo", "normals").

@@ -19,7 +19,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from .._runtime import mitsuba
+from ..machine.runtime import mitsuba
 
 #: Index of refraction of skin (paper, section 2.2); normal-incidence Fresnel value 0.0255.
 IOR = 1.38

@@ -62,7 +62,7 @@ class Camera:
 
         Mitsuba's cameras look along +z with +x to the left, hence the half turn about y.
         """
-        from .._runtime import mitsuba
+        from ..machine.runtime import mitsuba
 
         mi = mitsuba()
         fov_x = 2 * np.degrees(np.arctan(0.5 * self.width / self.focal))

@@ -13,7 +13,7 @@ import drjit as dr
 import numpy as np
 from scipy import sparse
 
-from .._runtime import mitsuba
+from ..machine.runtime import mitsuba
 from .arrays import device
 from .linear import linear
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import drjit as dr
 
-from .._runtime import mitsuba
+from ..machine.runtime import mitsuba
 
 mitsuba()  # chooses the variant, before the first operation is made
 

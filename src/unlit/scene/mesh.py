@@ -12,7 +12,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from .._runtime import mitsuba
+from ..machine.runtime import mitsuba
 from .arrays import device
 from .camera import Camera
 from .gather import Corners

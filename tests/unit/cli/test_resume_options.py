@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import unlit
+import unlit.pipeline
 from unlit import cli
-from unlit.optimize.schedule import PRESETS, as_dict
 from unlit.output import CHECKPOINT
-from unlit.output.folder import MARK, MARK_TEXT
+from unlit.settings.settings import PRESETS, as_dict
+from unlit.storage.folder import MARK, MARK_TEXT
 
 
 @pytest.fixture
@@ -27,12 +27,12 @@ def calls(monkeypatch) -> list:
 
         return run
 
-    for module, function in (("pipeline", "reconstruct"), ("continuation", "continued")):
-        fake = types.ModuleType(f"unlit.{module}")
+    for module, function in (("chain", "reconstruct"), ("resume", "continued")):
+        fake = types.ModuleType(f"unlit.pipeline.{module}")
         setattr(fake, function, stand_in(function))
         fake.kept_fit = lambda *_: None
         monkeypatch.setitem(sys.modules, fake.__name__, fake)
-        monkeypatch.setattr(unlit, module, fake, raising=False)
+        monkeypatch.setattr(unlit.pipeline, module, fake, raising=False)
     face = types.SimpleNamespace(
         settings={"resolution": 300, "stage5": {"iterations": 7}}, photo_name="old.jpg"
     )

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import plates
 import pytest
-from test_table import RESULT
 
+import plates
+from table_of_figures import RESULT
 from unlit import cli
 from unlit.errors import PictureError
 from unlit.evaluate import command

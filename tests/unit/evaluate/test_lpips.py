@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from unlit.assets import asset
 from unlit.errors import ModelError
 from unlit.evaluate.lpips import ASSET, lpips, read_arrays
+from unlit.machine.assets import asset
 
 
 @pytest.fixture

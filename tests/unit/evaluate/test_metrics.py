@@ -6,15 +6,8 @@ import pytest
 from unlit.color import decode_srgb
 from unlit.errors import MachineError
 from unlit.evaluate import metrics
-from unlit.evaluate.metrics import (
-    angle,
-    best_gain,
-    compare,
-    flip,
-    ssim,
-    surface_distance,
-)
-from unlit.psnr import psnr, psnr_linear
+from unlit.evaluate.metrics import angle, best_gain, compare, flip, ssim, surface_distance
+from unlit.evaluate.psnr import psnr, psnr_linear
 
 RNG = np.random.default_rng(0)
 

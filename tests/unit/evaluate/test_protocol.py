@@ -14,12 +14,13 @@ from unlit.evaluate.persons import consistency
 from unlit.evaluate.protocol import Light, Study
 from unlit.evaluate.store import Store
 from unlit.evaluate.subject import Subject
-from unlit.optimize.schedule import PRESETS, Settings
 from unlit.perception.regions import Regions
-from unlit.photo import Crop, Photo
-from unlit.pipeline import Capture
+from unlit.photo.crop import Crop
+from unlit.photo.photo import Photo
+from unlit.pipeline.chain import Capture
 from unlit.scene.camera import Camera
 from unlit.scene.light import disc, flash, uniform
+from unlit.settings.settings import PRESETS, Settings
 
 SIZE = 48
 

@@ -6,10 +6,10 @@ import zlib
 from pathlib import Path
 
 import numpy as np
-import plates
 import pytest
 from PIL import Image
 
+import plates
 from unlit.errors import PictureError, SubjectError
 from unlit.evaluate.scan import Scan
 from unlit.evaluate.subject_file import files_of, read_subject

@@ -1,14 +1,9 @@
 """Every fuzz test: bounded time and memory; the seeds are fixed, so that runs are alike."""
 
 import resource
-import sys
-from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
-
-# Small files of every kind are made by helpers of other tests.
-sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / "evaluate")]
 
 settings.register_profile(
     "fuzz",

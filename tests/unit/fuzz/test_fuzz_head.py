@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from corrupt import damaged
 from unlit.errors import ModelError
-from unlit.head import makehuman
 from unlit.head.model import LANDMARKS, HeadModel
+from unlit.head.sources import makehuman
 
 FUZZ = settings.get_profile("fuzz")
 

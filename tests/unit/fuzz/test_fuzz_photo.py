@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
-from profiles import DISPLAY_P3, SRGB_CURVE, curv, grey_tables, matrix, para
 
 from corrupt import damaged
+from profiles import DISPLAY_P3, SRGB_CURVE, curv, grey_tables, matrix, para
 from unlit.errors import PhotoError
-from unlit.icc import ProfileError, matrix_profile
-from unlit.photo import read_photo
+from unlit.photo.icc import ProfileError, matrix_profile
+from unlit.photo.photo import read_photo
 
 FUZZ = settings.get_profile("fuzz")
 PROFILE = matrix(DISPLAY_P3, SRGB_CURVE)

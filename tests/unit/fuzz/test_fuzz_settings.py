@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from corrupt import damaged
 from unlit.cli.settings import add_settings, settings_of
 from unlit.errors import SettingsError
-from unlit.optimize.schedule import PRESETS, as_dict
+from unlit.settings.settings import PRESETS, as_dict
 
 FUZZ = settings.get_profile("fuzz")
 TEXT = tomli_w.dumps(as_dict(PRESETS["draft"]))

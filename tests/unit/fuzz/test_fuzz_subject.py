@@ -6,15 +6,15 @@ import os
 from pathlib import Path
 
 import numpy as np
-import plates
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import plates
 from corrupt import damaged
 from unlit.errors import SubjectError
 from unlit.evaluate.subject_file import files_of, read_subject
-from unlit.meshes import read_mesh
+from unlit.storage.meshes import read_mesh
 
 FUZZ = settings.get_profile("fuzz")
 MAPS = """\

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from simulated_errors import _expression, _light, partners
 
 from unlit.head.landmark_error import LandmarkError, learn, shipped_error
 from unlit.head.model import LANDMARKS, HeadModel
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
-
-from simulated_errors import _expression, _light, partners
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from unlit.errors import ModelError
-from unlit.head import ict, library
+from unlit.head import library
 from unlit.head.model import LANDMARKS, HeadModel
+from unlit.head.sources import ict
 
 
 def triangle(name: str, size: float = 17.0) -> HeadModel:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from unlit.head.makehuman import inner_product_weights
 from unlit.head.model import HeadModel
 from unlit.head.prior import COMMON, Fitter, Surface, shipped_prior
 from unlit.head.relief import shipped_relief
+from unlit.head.sources.makehuman import inner_product_weights
 from unlit.scene.normals import vertex_normals
 
 

@@ -3,7 +3,7 @@
 import drjit as dr
 import numpy as np
 
-from unlit._runtime import mitsuba
+from unlit.machine.runtime import mitsuba
 from unlit.optimize.blend import Blend
 from unlit.scene.arrays import device
 

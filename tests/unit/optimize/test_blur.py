@@ -4,7 +4,7 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from unlit._runtime import mitsuba
+from unlit.machine.runtime import mitsuba
 from unlit.optimize.blur import Blur
 from unlit.scene.maps import blur
 

@@ -16,11 +16,11 @@ import pytest
 
 import tiny_run
 from unlit.errors import OutputError
+from unlit.face.reconstruction import Reconstruction
 from unlit.optimize import checkpoint as module
 from unlit.optimize.checkpoint import Checkpoint
-from unlit.optimize.schedule import Settings
 from unlit.output.arrays import write_arrays
-from unlit.reconstruction import Reconstruction
+from unlit.settings.settings import Settings
 
 
 def same(a: Reconstruction, b: Reconstruction, tmp_path: Path) -> bool:
@@ -130,7 +130,7 @@ def test_without_resume_it_is_discarded(stopped, monkeypatch):
     state = Checkpoint(path)
     assert state.stage == 0
     assert path.exists()
-    monkeypatch.setattr("unlit.pipeline.run_stages", stop)
+    monkeypatch.setattr("unlit.pipeline.chain.run_stages", stop)
     with pytest.raises(Stop):
         tiny_run.run(state)
     assert not path.exists()

@@ -4,8 +4,8 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from unlit._runtime import mitsuba
 from unlit.color import encode_srgb
+from unlit.machine.runtime import mitsuba
 from unlit.optimize.losses import (
     EXPOSED,
     Neighbours,

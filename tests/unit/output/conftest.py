@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from small_head import save_quickly
-from unlit.photo import Crop
-from unlit.reconstruction import Fit, Reconstruction
+from unlit.face.reconstruction import Fit, Reconstruction
+from unlit.photo.crop import Crop
 from unlit.scene.camera import Camera
 from unlit.scene.light import SphericalGaussians
 

@@ -8,10 +8,10 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial import KDTree
 
 from small_head import CENTRE, EYE_COLOUR, SKIN_TRIANGLES, small_head
-from unlit._runtime import mitsuba
 from unlit.color import encode_srgb
+from unlit.face.reconstruction import Reconstruction
+from unlit.machine.runtime import mitsuba
 from unlit.output.atlas import DIFFUSED, GRAZING, MIRRORED, PLAIN, SEEN, Atlas, bake
-from unlit.reconstruction import Reconstruction
 from unlit.scene.brdf import specular
 from unlit.scene.mesh import Mesh, surface_weights
 

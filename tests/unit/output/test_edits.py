@@ -9,9 +9,9 @@ from PIL import Image
 
 from unlit.color import decode_srgb
 from unlit.errors import OutputError, PictureError
+from unlit.face.reconstruction import Reconstruction
 from unlit.output import edited, load, save
 from unlit.output.images import exr
-from unlit.reconstruction import Reconstruction
 
 pytestmark = pytest.mark.usefixtures("no_relight")
 

@@ -20,9 +20,9 @@ from unlit.cli import main
 from unlit.cli.export import EXPORTS, MAPS
 from unlit.color import encode_srgb
 from unlit.errors import OutputError, SettingsError
+from unlit.face.reconstruction import Reconstruction
 from unlit.output import FORMATS, export, save
 from unlit.output.textures import MAP_FILES
-from unlit.reconstruction import Reconstruction
 
 
 @pytest.fixture(scope="module")
@@ -192,7 +192,7 @@ def test_blender_renders_the_same_face(r, everything):
 
     The variable UNLIT_TEST_BLENDER may name a blender, or a Python that has bpy.
     """
-    from unlit._runtime import mitsuba
+    from unlit.machine.runtime import mitsuba
     from unlit.render.reference import path_trace
     from unlit.scene.maps import Maps
     from unlit.scene.mesh import Mesh

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from small_head import CENTRE, small_head
-from unlit._runtime import mitsuba
 from unlit.color import decode_srgb, encode_srgb
+from unlit.face.reconstruction import Reconstruction
+from unlit.machine.runtime import mitsuba
 from unlit.output.atlas import Atlas, bake
 from unlit.output.gltf import glb, specular_texture
-from unlit.reconstruction import Reconstruction
 from unlit.render.reference import mitsuba_environment, path_trace
 from unlit.scene.camera import Camera
 from unlit.scene.maps import Maps

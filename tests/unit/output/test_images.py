@@ -5,7 +5,7 @@ import io
 import numpy as np
 from PIL import Image
 
-from unlit._runtime import mitsuba
+from unlit.machine.runtime import mitsuba
 from unlit.output import images
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from small_head import save_quickly, small_head
-from unlit._runtime import mitsuba
 from unlit.color import encode_srgb
+from unlit.face.reconstruction import Reconstruction
+from unlit.machine.runtime import mitsuba
 from unlit.output import export, save
 from unlit.output.mitsuba_scene import TWICE_DIFFUSE, TWICE_SPECULAR
-from unlit.reconstruction import Reconstruction
 from unlit.render.reference import path_trace
 from unlit.scene.brdf import specular
 from unlit.scene.maps import Maps

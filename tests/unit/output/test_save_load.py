@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from small_head import save_quickly
-from unlit._runtime import mitsuba
 from unlit.errors import OutputError
+from unlit.machine.runtime import mitsuba
 from unlit.output import CHECKPOINT, FILES, load, needed_bytes, save
 
 mi = mitsuba()

@@ -18,8 +18,8 @@ from saved_head import SIZE, Saved
 from unlit import cli
 from unlit.color import encode_srgb
 from unlit.output.images import exr
-from unlit.photo import read_photo
-from unlit.pictures import read_picture
+from unlit.photo.photo import read_photo
+from unlit.storage.pictures import read_picture
 
 
 def run(*arguments: object) -> int:

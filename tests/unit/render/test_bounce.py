@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from bumpy_head import View, ball, bumpy_head, camera, filtered, painted, view
-from unlit._runtime import mitsuba
+from unlit.machine.runtime import mitsuba
 from unlit.render.bounce import Bounce, sample_map, sphere_directions
 from unlit.render.reference import path_trace
-from unlit.render.relight import composed
+from unlit.render.relighter import composed
 from unlit.render.transport import Directions, shade, visibility
 from unlit.scene.cells import grid_cells, refine
 from unlit.scene.light import disc, flash, uniform

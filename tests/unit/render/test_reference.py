@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bumpy_head import ball, camera, view
-from unlit._runtime import mitsuba
+from unlit.machine.runtime import mitsuba
 from unlit.render.reference import PLUGIN, path_trace
 from unlit.scene.brdf import reflectance_table
 from unlit.scene.camera import Camera

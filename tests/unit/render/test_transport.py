@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bumpy_head import View, ball, bumpy_head, camera, filtered, painted, view
-from unlit._runtime import mitsuba
+from unlit.machine.runtime import mitsuba
 from unlit.render.reference import path_trace
-from unlit.render.relight import composed
+from unlit.render.relighter import composed
 from unlit.render.transport import (
     Directions,
     Linearization,

@@ -4,7 +4,7 @@ import drjit as dr
 import pytest
 
 from bumpy_head import View, bumpy_head, camera, painted, view
-from unlit._runtime import mitsuba
+from unlit.machine.runtime import mitsuba
 from unlit.render.transport import Directions, visibility
 from unlit.render.visibility import HORIZON, OFFSET, visible, words
 from unlit.scene.cells import grid_cells

@@ -3,8 +3,8 @@
 import pytest
 
 from report_head import report_head
+from unlit.face.reconstruction import Reconstruction
 from unlit.output.atlas import Atlas, bake
-from unlit.reconstruction import Reconstruction
 
 
 @pytest.fixture(scope="session")

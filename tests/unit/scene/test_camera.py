@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from unlit._runtime import mitsuba
+from unlit.machine.runtime import mitsuba
 from unlit.scene.camera import Camera
 from unlit.scene.mesh import Mesh, camera_rays
 

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 from unlit.scene.cells import Cells, even_cells, grid_cells, refine
-from unlit.scene.light import (
-    disc,
-    flash,
-    latlong_directions,
-    latlong_solid_angles,
-    uniform,
-)
+from unlit.scene.light import disc, flash, latlong_directions, latlong_solid_angles, uniform
 
 
 def quarters_of(seed: int) -> Cells:

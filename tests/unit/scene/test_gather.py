@@ -3,7 +3,7 @@
 import drjit as dr
 import numpy as np
 
-from unlit._runtime import mitsuba
+from unlit.machine.runtime import mitsuba
 from unlit.scene.arrays import device
 from unlit.scene.gather import Corners
 

@@ -6,7 +6,7 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from unlit._runtime import mitsuba
+from unlit.machine.runtime import mitsuba
 from unlit.render.reference import mitsuba_environment
 from unlit.scene.light import (
     GRID,

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from bumpy_head import ball, bumpy_head, camera
-from unlit._runtime import mitsuba
+from unlit.machine.runtime import mitsuba
 from unlit.scene.gather import Corners
 from unlit.scene.mesh import (
     Mesh,

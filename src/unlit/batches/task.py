@@ -1,0 +1,226 @@
+"""The work on one photo, as a worker does it: any number of times with the same outcome.
+
+Dask runs a task again when its worker was lost, even if it had ended. So a task first looks
+whether its photo is done. It is light to import: the scheduler imports it, too.
+"""
+
+from __future__ import annotations
+
+import gc
+import io
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import UnlitError
+from .record import Record, Row, content_key
+from .store import RECORDS, Store
+
+if TYPE_CHECKING:
+    from ..photo.photo import Photo
+    from ..progress.console import RunConsole
+    from ..settings.settings import Settings
+
+#: Dr.Jit has one pool of threads and one queue of kernels per process: one photo at a time.
+_ALONE = threading.Lock()
+
+
+@dataclass(frozen=True)
+class Job:
+    """One photo to be done.
+
+    photo: its path. name: of its result. store: the batch's folder or URL. settings: nested plain
+    values. face: as for `pipeline.reconstruct`, or "all".
+    """
+
+    photo: str
+    name: str
+    store: str
+    settings: dict[str, Any]
+    face: str | int
+
+
+class Stopped(Exception):
+    """The batch was interrupted, and nobody waits for this photo any more."""
+
+
+def known_rows(job: Job, store: Store, record: Record | None) -> list[Row] | None:
+    """The rows in `record` if all that `job` asks for is done and still there, else None."""
+    if record is None:
+        return None
+    done = record.results(content_key(Path(job.photo), job.settings, job.face))
+    whole = len(done) == len(record.rows) and all(store.is_whole(place) for place in done)
+    return record.rows if whole else None
+
+
+def run(job: Job) -> list[Row]:
+    """Do `job` unless it is done: one row per face.
+
+    What is wrong with the photo, or goes wrong with it, becomes a row with the error. Raises
+    OutputError only where not even that can be written.
+    """
+    with _ALONE:
+        _take_share_of_cores()
+        store = Store(job.store)
+        record = store.record(job.name)
+        rows = known_rows(job, store, record)
+        if rows is None:
+            key = content_key(Path(job.photo), job.settings, job.face)
+            rows = _rows(job, store, record.results(key) if record else {})
+            store.write(f"{RECORDS}/{job.name}.json", Record(job.photo, key, rows).encode())
+        return rows
+
+
+def _rows(job: Job, store: Store, done: dict[str, Row]) -> list[Row]:
+    """One row per face; what is in `done`, by folder, is taken from there."""
+    from ..photo.photo import read_photo
+    from ..settings.settings import PRESETS, override
+
+    try:
+        photo = read_photo(job.photo)
+        faces = _faces(photo, job)
+    except Exception as error:
+        return [failure(job, error)]
+    settings = override(PRESETS["paper"], job.settings)
+    rows = []
+    for place, face in faces.items():
+        if place in done and store.is_whole(place):
+            rows.append(done[place])
+            continue
+        try:
+            rows.append(_result(job, photo, face, settings, store, place))
+        except Stopped:
+            raise
+        except Exception as error:
+            rows.append(failure(job, error))
+        finally:
+            _free_memory()
+    return rows
+
+
+def failure(job: Job, error: Exception) -> Row:
+    """A row about what went wrong; what is no user's doing is named so that it can be reported."""
+    if isinstance(error, UnlitError):
+        text = str(error)
+    elif isinstance(error, MemoryError) or "out of memory" in str(error):
+        text = f"{job.photo}: not enough memory; use fewer workers or a lower --resolution"
+    else:
+        text = f"{job.photo}: {type(error).__name__}: {error}; try `unlit reconstruct` on it"
+    return Row(job.photo, error=" ".join(text.split()))
+
+
+def _faces(photo: Photo, job: Job) -> dict[str, str | int]:
+    """Where the result of each face goes, and which face it is."""
+    if job.face != "all":
+        return {job.name: job.face}
+    from ..perception.landmarks import find_faces
+    from ..pipeline.chain import choose
+
+    found = find_faces(photo.encoded8())
+    choose(found, "largest", photo.source)  # raises where there is none
+    return {f"{job.name}/face{k}": k for k in range(len(found))}
+
+
+def _result(
+    job: Job, photo: Photo, face: str | int, settings: Settings, store: Store, place: str
+) -> Row:
+    """Reconstruct one face of `photo` and save it to `place`."""
+    from ..evaluate.psnr import psnr
+    from ..output import needed_bytes, save
+    from ..pipeline.chain import reconstruct
+
+    log, stop_if_cancelled = _log(photo, settings), _stop_if_cancelled()
+
+    def progress(stage: str, iteration: int, iterations: int, loss: float) -> None:
+        stop_if_cancelled()
+        log(stage, iteration, iterations, loss)
+
+    with store.result(place, needed_bytes(settings.resolution)) as folder:
+        result = reconstruct(photo, settings=settings, face=face, progress=progress)
+        start = time.perf_counter()
+        save(result, folder, log.log())
+    metrics = result.metrics
+    return Row(
+        photo=job.photo,
+        folder=place,
+        warnings=list(metrics.get("warnings", [])),
+        seconds={**metrics["seconds"], "writing": time.perf_counter() - start},
+        landmark_residual=metrics["landmark_residual"],
+        render_psnr=psnr(result.render, result.image, result.mask > 0.5),
+        losses={stage: pairs[-1][1] for stage, pairs in metrics["losses"].items() if pairs},
+    )
+
+
+def _log(photo: Photo, settings: Settings) -> RunConsole:
+    """What `unlit reconstruct` would print, kept for the result's log only."""
+    from rich.console import Console
+
+    from ..progress.console import RunConsole, settings_block
+    from ..settings.settings import as_dict
+
+    console = RunConsole(settings.iterations(), Console(file=io.StringIO()))
+    height, width = photo.pixels.shape[:2]
+    console.say(f"photo     {photo.source}, {width} x {height}, {photo.colours}")
+    for line in settings_block(as_dict(settings)):
+        console.say(line)
+    return console
+
+
+def _take_share_of_cores() -> None:
+    """Let Dr.Jit use as many threads as this process's worker has; all cores without a worker.
+
+    Two pools of threads on the same cores would slow each other down by far more than half.
+    """
+    worker = _worker()
+    if worker is not None:
+        from ..machine.runtime import mitsuba
+
+        mitsuba()
+        import drjit as dr
+
+        dr.set_thread_count(worker.state.nthreads)
+
+
+def _stop_if_cancelled() -> Callable[[], None]:
+    """A function that raises Stopped once the batch has cancelled the task of this thread."""
+    worker = _worker()
+    if worker is None:
+        return lambda: None
+    key = worker.get_current_task()
+
+    def check() -> None:
+        task = worker.state.tasks.get(key)
+        if task is None or task.state == "cancelled":
+            raise Stopped
+
+    return check
+
+
+def _worker() -> Any:
+    """The Dask worker that runs this thread, or None."""
+    from distributed import get_worker
+
+    try:
+        return get_worker()
+    except ValueError:
+        return None
+
+
+def _free_memory() -> None:
+    """Give back what the last photo took, for a worker may see thousands."""
+    import drjit as dr
+
+    gc.collect()
+    dr.flush_malloc_cache()
+
+
+async def idle(seconds: float) -> None:
+    """Wait, in a worker's event loop, until it works on no photo, but not longer than `seconds`."""
+    import asyncio
+
+    end = time.monotonic() + seconds
+    while _ALONE.locked() and time.monotonic() < end:
+        await asyncio.sleep(0.1)

@@ -1,0 +1,137 @@
+"""Shadows that something else casts on the face: a hat's brim, hair, a hand held up.
+
+In the stages nothing but the head itself blocks the light, so such a shadow would be painted into
+the albedo, and bend the light on the way. A short stage 1, in which all skin has one colour, cannot
+explain it. What is left over is a large part of the skin, much darker than the model, that begins
+at the face's outline, beyond which the thing is that casts it. There the photo is no evidence, and
+the stages fill the maps in. What is dark otherwise stays skin: moles, birthmarks and folds do not
+reach the outline, beards lie below the nose, freckles are small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import cv2
+import numpy as np
+from scipy import ndimage
+
+from ..color import decode_srgb
+from ..optimize.losses import EXPOSED
+from ..optimize.problem import Evidence
+from ..scene.camera import Camera
+from ..settings.settings import Settings
+from .first_stage import FirstLook, first_look
+
+#: Side at which shadows are looked for; lengths below are pixels of it.
+_SIZE = 256
+_FEATURES, _RIM, _SMOOTH, _GROWN, _BRIDGED, _SOFT = 3, 3, 5, 4, 18, 2.0
+#: Log ratio of the photo to the model below which skin is in shadow, and next to such skin.
+_DARK, _DIM = -0.45, -0.2
+#: Added to both, linear: what a photo's black may stand for.
+_BLACK = 0.01
+#: Photo and model below which their ratio says nothing, and what a photo's white may stand for.
+_LEAST_SEEN = 1e-3
+_WHITE = float(decode_srgb(np.float32(EXPOSED[1])))
+#: Least diffuse shading that the model has there, where full light is 1.
+_LIT = 0.15
+#: Least share of the face, and of its border that has to lie along the outline of the face, and of
+#: its area above the nose's base. More than `_MOST` of the face is no shadow but a wrong light.
+_LEAST, _ALONG, _ABOVE, _MOST = 0.015, 0.33, 0.5, 0.4
+
+
+def cast_shadow(evidence: Evidence, above: np.ndarray, settings: Settings) -> np.ndarray | None:
+    """Where the photo is evidence: (S, S) float32 in [0, 1], 0 in a shadow.
+
+    above: (S, S) bool, what lies above the base of the nose. None where there is no shadow, or the
+    head and the mask do not overlap.
+    """
+    size = len(above)
+    small = _reduced(evidence)
+    above = cv2.resize(above.astype(np.uint8), small.mask.shape[::-1]) > 0
+    shadow = np.zeros(small.mask.shape, dtype=bool)
+    for _ in range(2):  # again with a light that the shadow has not bent
+        weight = np.where(shadow, 0, small.weight).astype(np.float32)
+        try:
+            look = first_look(replace(small, weight=weight), replace(settings, bounces=0))
+        except ValueError:
+            return None
+        shadow = shadowed(small, look, above)
+        if not shadow.any():
+            return None
+    return 1 - cv2.resize(_grown(shadow, 1).astype(np.float32), (size, size))
+
+
+def attenuation(image: np.ndarray, render: np.ndarray, lit: np.ndarray) -> np.ndarray:
+    """What the shadow leaves of the light: (S, S, 3) float32, at most 1, and 1 where `lit` is.
+
+    The photo over the render without the shadow, smooth: shading has it, as albedo has it not.
+    """
+    reach = _SOFT * len(lit) / _SIZE
+    shadow = ((1 - lit) * (render > 0).any(axis=2))[..., None]
+    ratio = np.log(np.maximum(image, _LEAST_SEEN) / np.maximum(render, _LEAST_SEEN))
+
+    def spread(values: np.ndarray) -> np.ndarray:
+        return np.asarray(ndimage.gaussian_filter(values, (reach, reach, 0)))
+
+    mean = spread(ratio * shadow) / np.maximum(spread(shadow), 1e-6)
+    return np.exp(np.minimum(mean, 0) * shadow).astype(np.float32)
+
+
+def _reduced(evidence: Evidence) -> Evidence:
+    """The same at `_SIZE` pixels a side, if it is larger."""
+    camera = evidence.camera
+    if camera.width <= _SIZE:
+        return evidence
+    scale = _SIZE / camera.width
+
+    def small(image: np.ndarray) -> np.ndarray:
+        whole = np.ascontiguousarray(image, dtype=np.float32)
+        return cv2.resize(whole, (_SIZE, _SIZE), interpolation=cv2.INTER_AREA)
+
+    return replace(
+        evidence,
+        image=small(evidence.image),
+        regions=small(evidence.regions),
+        mask=small(evidence.mask) > 0.5,
+        weight=small(evidence.weight),
+        camera=Camera(_SIZE, _SIZE, camera.focal * scale, camera.cx * scale, camera.cy * scale),
+        landmarks=evidence.landmarks * scale,
+    )
+
+
+def shadowed(evidence: Evidence, look: FirstLook, above: np.ndarray) -> np.ndarray:
+    """(H, W) bool: the skin in the shadow of something else, given what stage 1 makes of it."""
+    # A photo is no brighter than white, whatever the model would have.
+    photo, model = (np.clip(x, 0, _WHITE) + _BLACK for x in (evidence.image, look.render))
+    ratio = np.log(photo / model).mean(axis=2)
+    ratio = cv2.medianBlur(np.where(look.seen, ratio, 0).astype(np.float32), _SMOOTH)
+    features = evidence.regions[..., 1:4].sum(axis=2)  # lips, eyes, eyebrows
+    skin = look.seen & (features < 0.5) & (look.diffuse_shading > _LIT)
+    plain = skin & ~_grown(features > 0.1, _FEATURES)
+    whole: Any = ndimage.binary_fill_holes(look.seen)
+    rim = _grown(~whole, _RIM + 1)
+    core = cv2.morphologyEx(
+        (plain & (ratio < _DARK)).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
+    )
+    count, labels = cv2.connectedComponents(core, connectivity=4)
+    found = np.zeros_like(skin)
+    for label in range(1, count):
+        part = labels == label
+        border = _grown(part, 1) & ~part
+        large = part.sum() > _LEAST * look.seen.sum()
+        if large and rim[border].mean() > _ALONG and above[part].mean() > _ABOVE:
+            found |= part
+    # Between its parts it lies beside eyes and brows, too.
+    near = cv2.erode(
+        _grown(found, _GROWN + _BRIDGED).astype(np.uint8),
+        np.ones((2 * _BRIDGED + 1,) * 2, np.uint8),
+    )
+    found |= skin & (ratio < _DIM) & (near > 0)
+    return found if found.sum() <= _MOST * look.seen.sum() else np.zeros_like(found)
+
+
+def _grown(mask: np.ndarray, reach: int) -> np.ndarray:
+    side = 2 * reach + 1
+    return cv2.dilate(mask.astype(np.uint8), np.ones((side, side), np.uint8)) > 0

@@ -1,0 +1,53 @@
+"""What a short stage 1 makes of a photo, for those who want to know before the stages begin.
+
+All skin has one colour there, so the light explains what it can of the shading (paper, 3.1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from ..optimize.problem import Evidence, Problem, Shading
+from ..optimize.stages import exposed, stage1, start
+from ..scene.cells import grid_cells, refine
+from ..scene.lobes import CellRadiance
+from ..settings.settings import Settings
+
+_ITERATIONS = 100
+
+
+@dataclass(frozen=True)
+class FirstLook:
+    """Images (H, W), 0 where the head and the mask do not both cover a pixel.
+
+    diffuse_shading, specular_shading: E and S, mean of the channels; the best-lit skin has E = 1.
+    render: (H, W, 3) linear, under white light. seen: bool, where there is any of it.
+    """
+
+    diffuse_shading: np.ndarray
+    specular_shading: np.ndarray
+    render: np.ndarray
+    seen: np.ndarray
+
+
+def first_look(evidence: Evidence, settings: Settings) -> FirstLook:
+    """Stage 1 cut short. Raises ValueError when the mesh and the mask do not overlap."""
+    short = replace(settings, stage1=replace(settings.stage1, iterations=_ITERATIONS))
+    problem = Problem(evidence, short, lambda *_: None)
+    cells = grid_cells(short.cell_rows, short.cell_columns)
+    shading = Shading(problem, cells)
+    with threadpool_limits(1, user_api="blas"):  # as in `pipeline.solve`
+        estimate = exposed(problem, stage1(problem, start(problem), shading), shading)
+    light = estimate.light()
+    shading = shading.under(refine(cells, light.rasterize(), limit=short.max_cells))
+    radiance = CellRadiance(shading.cells).of(light)
+    maps = problem.maps(estimate)
+    shading.update(radiance, maps)
+    e, s = (problem.image(part, "zero") for part in shading.shade(radiance))
+    seen = np.zeros(evidence.mask.shape, dtype=bool)
+    seen.ravel()[problem.pixel] = True
+    render = maps.diffuse_albedo * e + maps.specular_albedo[..., None] * s
+    return FirstLook(e.mean(axis=2), s.mean(axis=2), render, seen)

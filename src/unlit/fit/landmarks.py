@@ -1,0 +1,412 @@
+"""Fit the head model's pose, identity and expression to dense landmarks.
+
+The landmarker's points lie some 3 % of the eye distance beside the true ones, and neighbours err
+together, so 478 of them are worth only a few independent measurements. The fit therefore trusts
+the contours it can name (lips, eyelids, nose, the face's outline across itself) and gives every
+point a large standard deviation against the identity's unit prior: a tight fit ends with worse
+normals than the mean head. What the landmarker gets wrong on average on a head turned this way
+(landmark_error.py) is taken off as the pose is found. Gauss-Newton with Huber weights; the focal
+length is given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial.transform import Rotation
+
+from ..errors import FaceError
+from ..head.eyelids import lids_outside_eyes
+from ..head.landmark_error import LandmarkError, shipped_error
+from ..head.lips import opening, seal_lips
+from ..head.model import LANDMARKS, HeadModel
+from ..perception.topology import (
+    FACE_OVAL,
+    LEFT_EYE,
+    LEFT_LID_GAP,
+    LIP_GAP,
+    LIPS_INNER,
+    LIPS_OUTER,
+    RIGHT_EYE,
+    RIGHT_LID_GAP,
+)
+from ..scene.camera import Camera
+
+# Midline from the root of the nose to the chin, and the nose's wings and base.
+NOSE_AND_MIDLINE = (168, 6, 197, 195, 5, 4, 1, 19, 94, 2, 164, 18, 200, 199, 175)
+NOSE_AND_MIDLINE += (98, 97, 326, 327, 129, 358, 49, 279, 48, 278, 64, 294)
+_GAPS = (*LIP_GAP, *RIGHT_LID_GAP, *LEFT_LID_GAP)
+# The fit's distances are stated for a crop of this size, pixels.
+_STATED_RESOLUTION = 512
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How far the landmarks are trusted. Distances are pixels of a 512 x 512 crop.
+
+    contour_weight: weight of lips, eyelids, nose and midline points.
+    oval_weight: weight of the face oval across itself; oval_tangential: factor on the residual
+        along it, since the outline slides over the head as it turns.
+    other_weight: weight of all other points.
+    deviation: standard deviation of one landmark coordinate of weight 1.
+    huber: residuals beyond this count linearly.
+    gap_deviation: standard deviation of the distance across the lips and across the eyelids,
+        for each of several pairs of points: what two close points share of their error cancels
+        in it, so that it says how far mouth and eyes are open better than the points do.
+    expression_deviation: scale of the prior that pulls the expression's units to 0.
+    last_deviation: as deviation, for the expression alone, once pose and identity are found: a
+        smile moves the lips by far more than the landmarks are wrong.
+    iterations: of Gauss-Newton, after the pose alone has settled.
+    closed: the mouth counts as closed, and is closed, below this opening in mouth widths.
+    dark_weight: factor on the weight of a landmark in the dark, where the landmarker guesses.
+    dim: light on a landmark, as a share of that on the face's lit part, below which it counts as
+        dark, and above which it has its full weight.
+    light_blur: standard deviation of the Gaussian that the light is averaged with.
+    """
+
+    contour_weight: float = 1.0
+    oval_weight: float = 0.5
+    oval_tangential: float = 0.05
+    other_weight: float = 0.1
+    deviation: float = 15.0
+    huber: float = 4.0
+    gap_deviation: float = 3.0
+    expression_deviation: float = 0.3
+    last_deviation: float = 12.0
+    iterations: int = 8
+    closed: float = 0.04
+    dark_weight: float = 0.03
+    dim: tuple[float, float] = (0.1, 0.4)
+    light_blur: float = 6.0
+
+
+@dataclass(frozen=True)
+class HeadFit:
+    """A head model placed before a camera.
+
+    rotation (3, 3), translation (3,) cm: world = rotation @ model + translation, float64.
+    identity (I,), in standard deviations; expression (E,), in [0, 1].
+    vertices: (V, 3) float32, world frame (scene/camera.py), cm.
+    landmarks: (478, 2) pixels, the detected ones without the landmarker's mean error.
+    landmark_residual: mean distance between them and the model, in eye distances.
+    """
+
+    rotation: np.ndarray
+    translation: np.ndarray
+    identity: np.ndarray
+    expression: np.ndarray
+    vertices: np.ndarray
+    landmarks: np.ndarray
+    landmark_residual: float
+
+
+@dataclass(frozen=True)
+class State:
+    """The unknowns, as in HeadFit, float64."""
+
+    rotation: np.ndarray
+    translation: np.ndarray
+    identity: np.ndarray
+    expression: np.ndarray
+
+    def moved(self, move: np.ndarray) -> State:
+        """After a step: turn about the world's axes (3, radians), shift (3, cm), identity (I,),
+        expression (E,), which is kept in [0, 1]."""
+        units = len(self.identity)
+        return State(
+            Rotation.from_rotvec(move[:3]).as_matrix() @ self.rotation,
+            self.translation + move[3:6],
+            self.identity + move[6 : 6 + units],
+            np.clip(self.expression + move[6 + units :], 0, 1),
+        )
+
+
+class LandmarkProblem:
+    """Residuals of the landmarks the model carries, and one Gauss-Newton step on them.
+
+    landmarks: (478, 3), pixels of `camera`'s image, z in pixels, near is small. bias: of the
+    landmarks, what is shipped if None. image: (S, S, 3) linear sRGB, that landmarks in the dark may
+    be trusted less. The landmarker's expression scores are not used: started from them or pulled
+    towards them, the fit's normals were no better or worse (docs/head-model-format.md). Raises
+    FaceError when the landmarks are not finite or no head in front of the camera fits.
+    """
+
+    def __init__(
+        self,
+        model: HeadModel,
+        landmarks: np.ndarray,
+        camera: Camera,
+        settings: FitSettings | None = None,
+        bias: LandmarkError | None = None,
+        image: np.ndarray | None = None,
+    ) -> None:
+        settings = settings or FitSettings()
+        self.bias = bias or shipped_error()
+        landmarks = np.asarray(landmarks, dtype=np.float64)
+        if landmarks.shape != (LANDMARKS, 3) or not np.isfinite(landmarks).all():
+            raise FaceError("the face's landmarks are not 478 finite points: use another photo")
+        self.model, self.camera, self.settings = model, camera, settings
+        self.used = np.flatnonzero(model.landmark_triangle >= 0)
+        if len(self.used) < 20:
+            raise FaceError(f"the head model {model.name} carries too few landmarks to be fitted")
+        self.landmarks = landmarks
+        self.goal = landmarks[self.used, :2]
+        self.pixel = camera.height / _STATED_RESOLUTION
+        corners = model.triangles[model.landmark_triangle[self.used]]
+        weights = model.landmark_barycentric[self.used]
+
+        def carried(basis: np.ndarray) -> np.ndarray:
+            return np.einsum("lc,blcx->blx", weights, basis[:, corners]).astype(np.float64)
+
+        self.neutral = carried(model.neutral[None])[0]  # (L, 3)
+        self.basis = np.concatenate([carried(model.identity), carried(model.expression)])
+        self.frames, self.weights = self._trust()
+        #: Share of the weight that is left of the landmarks for the light on them.
+        self.lit_share = 1.0
+        if image is not None:
+            whole = self.weights.sum()
+            self.weights = self.weights * self._light_weight(image)[:, None]
+            self.lit_share = float(self.weights.sum() / whole)
+        place = {int(landmark): index for index, landmark in enumerate(self.used)}
+        gaps = [pair for pair in _GAPS if pair[0] in place and pair[1] in place]
+        self.gaps = np.array([[place[a], place[b]] for a, b in gaps], dtype=int).reshape(-1, 2)
+
+    def _trust(self) -> tuple[np.ndarray, np.ndarray]:
+        """Per landmark an orthonormal frame (L, 2, 2), rows the directions, and weights (L, 2)."""
+        settings = self.settings
+        frames = np.tile(np.eye(2), (LANDMARKS, 1, 1))
+        weights = np.full((LANDMARKS, 2), settings.other_weight)
+        for contour in (LIPS_OUTER, LIPS_INNER, RIGHT_EYE, LEFT_EYE, NOSE_AND_MIDLINE):
+            weights[list(contour)] = settings.contour_weight
+        oval = list(FACE_OVAL)
+        outline = self.landmarks[oval, :2]
+        along = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
+        along /= np.maximum(np.linalg.norm(along, axis=-1, keepdims=True), 1e-9)
+        frames[oval] = np.stack([along, along[:, ::-1] * (-1, 1)], axis=1)
+        weights[oval] = settings.oval_weight * np.array([settings.oval_tangential**2, 1.0])
+        return frames[self.used], weights[self.used]
+
+    def _light_weight(self, image: np.ndarray) -> np.ndarray:
+        """Factors (L,) on the weights of landmarks, for the light on them in the photo.
+
+        Judged by brightness alone: brows, beards and eyes count as darker than they are lit.
+        """
+        settings = self.settings
+        grey = ndimage.gaussian_filter(image.mean(axis=2), settings.light_blur * self.pixel)
+        place = self.goal[:, ::-1].T - 0.5
+        light = ndimage.map_coordinates(grey, place, order=1, mode="nearest")
+        light = np.maximum(light / max(np.percentile(light, 90), 1e-6), 1e-6)
+        low, high = np.log(settings.dim)
+        part = np.clip((np.log(light) - low) / (high - low), 0, 1)
+        return settings.dark_weight + (1 - settings.dark_weight) * part**2 * (3 - 2 * part)
+
+    def start(self) -> State:
+        """Scaled rigid alignment of the neutral's landmarks with the detected ones."""
+        weight = self.weights.mean(axis=1)
+        weight = np.maximum(weight, 0.1 * weight.max())
+        weight /= weight.sum()
+        seen = self.landmarks[self.used] * (1, -1, -1)
+        source = self.neutral - weight @ self.neutral
+        goal = seen - weight @ seen
+        u, sizes, vt = np.linalg.svd((goal * weight[:, None]).T @ source)
+        flip = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
+        rotation = (u * flip) @ vt
+        scale = (sizes @ flip) / np.sum(weight[:, None] * source**2)
+        depth = self.camera.focal / max(scale, 1e-6)
+        middle = self.camera.unproject((weight @ seen)[:2] * (1, -1), depth)
+        units = len(self.model.identity)
+        return State(
+            rotation,
+            middle - rotation @ (weight @ self.neutral),
+            np.zeros(units),
+            np.zeros(len(self.basis) - units),
+        )
+
+    def solve(self, mouth_closed: bool = False) -> HeadFit:
+        """The pose by itself, then everything together. Raises FaceError.
+
+        mouth_closed: the photo shows no opening between the lips, whatever the landmarks say; they
+        take the edge of a two-toned lip for one.
+        """
+        state = self.start()
+        for free_shape in (False, True):
+            for _ in range(self.settings.iterations):
+                state = self.step(state, free_shape)
+        return self.fit(state, mouth_closed)
+
+    def step(self, state: State, free_shape: bool) -> State:
+        """One Gauss-Newton step on the landmarks and the prior; of the pose alone at first."""
+        matrix, gradient, _ = self.equations(state)
+        prior, current, low, high = self.prior(state)
+        free = slice(None) if free_shape else slice(6)
+        matrix[np.diag_indices(len(matrix))] += prior
+        move = np.zeros(len(matrix))
+        move[free] = bounded_solve(
+            matrix[free, free], -(gradient + prior * current)[free], low[free], high[free]
+        )
+        return state.moved(move)
+
+    def turned(self, state: State, share: float) -> State:
+        """`state` with its yaw times `share`, the middle of the landmarks where it was."""
+        middle = self.neutral.mean(axis=0)
+        yaw = _angles(state.rotation, state.rotation @ middle + state.translation)[1]
+        turn = state.rotation @ Rotation.from_euler("y", (share - 1) * yaw).as_matrix()
+        shift = (state.rotation - turn) @ middle
+        return replace(state, rotation=turn, translation=state.translation + shift)
+
+    def prior(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Of the unknowns of a step: the prior's precision, the present value, and bounds."""
+        units, count = len(state.identity), 6 + len(self.basis)
+        precision, current = np.zeros(count), np.zeros(count)
+        precision[6 : 6 + units] = 1
+        precision[6 + units :] = 1 / self.settings.expression_deviation**2
+        current[6:] = np.concatenate([state.identity, state.expression])
+        low, high = np.full(count, -np.inf), np.full(count, np.inf)
+        low[6 + units :], high[6 + units :] = -state.expression, 1 - state.expression
+        return precision, current, low, high
+
+    def expressed(self, state: State) -> State:
+        """`state` with the expression, and only that, drawn closer to the landmarks."""
+        first = 6 + len(state.identity)
+        for _ in range(self.settings.iterations):
+            matrix, gradient, _ = self.equations(state, self.settings.last_deviation)
+            prior, current, low, high = self.prior(state)
+            matrix[np.diag_indices(len(matrix))] += prior
+            right = -(gradient + prior * current)
+            move = np.zeros(len(matrix))
+            move[first:] = bounded_solve(
+                matrix[first:, first:], right[first:], low[first:], high[first:]
+            )
+            state = state.moved(move)
+        return state
+
+    def equations(
+        self, state: State, deviation: float | None = None
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Gauss-Newton matrix and gradient of the landmarks' cost in a step's unknowns; the cost.
+
+        deviation: of one landmark coordinate, pixels at 512; the settings' if not given.
+        """
+        settings, camera = self.settings, self.camera
+        deviation = deviation or settings.deviation
+        shape = np.concatenate([state.identity, state.expression])
+        local = self.neutral + np.tensordot(shape, self.basis, axes=1)
+        turned = local @ state.rotation.T
+        world = turned + state.translation
+        error = camera.project(world) - self.goal + self._expected(state.rotation, world)
+        moves = np.concatenate(
+            [
+                np.stack([np.cross(axis, turned) for axis in np.eye(3)], axis=-1),
+                np.tile(np.eye(3), (len(world), 1, 1)),
+                np.einsum("xy,bly->lxb", state.rotation, self.basis),
+            ],
+            axis=2,
+        )
+        jacobian = camera_motion(camera, world, moves)
+
+        distance = np.linalg.norm(error, axis=-1)
+        huber = np.minimum(1, settings.huber * self.pixel / np.maximum(distance, 1e-9))
+        weight = self.weights * huber[:, None] / (deviation * self.pixel) ** 2
+        across = jacobian[self.gaps[:, 0]] - jacobian[self.gaps[:, 1]]
+        gap_error = error[self.gaps[:, 0]] - error[self.gaps[:, 1]]
+        jacobian = np.einsum("lij,ljk->lik", self.frames, jacobian)
+        error = np.einsum("lij,lj->li", self.frames, error)
+        rows = jacobian.reshape(-1, jacobian.shape[2])
+        matrix = (rows * weight.reshape(-1, 1)).T @ rows
+        gradient = rows.T @ (weight * error).ravel()
+        cost = 0.5 * np.sum(weight * (2 - huber)[:, None] * error**2)
+        # The gaps say nothing about the pose.
+        rows = across.reshape(-1, across.shape[2])[:, 6:]
+        gap_weight = 1 / (settings.gap_deviation * self.pixel) ** 2
+        matrix[6:, 6:] += gap_weight * rows.T @ rows
+        gradient[6:] += gap_weight * rows.T @ gap_error.ravel()
+        cost += 0.5 * gap_weight * np.sum(gap_error**2)
+        return matrix, gradient, float(cost)
+
+    def _expected(self, rotation: np.ndarray, world: np.ndarray) -> np.ndarray:
+        """Mean error (L, 2), pixels, of the landmarks of a head turned by `rotation`, at `world`.
+
+        Its change with the pose is left out of the Jacobian: it moves little within a step.
+        """
+        middle = world.mean(axis=0)
+        roll, yaw, pitch = _angles(rotation, middle)
+        cos, sin = np.cos(roll), np.sin(roll)
+        upright = self.bias.expected(yaw, pitch)[self.used]
+        return upright @ np.array([[cos, -sin], [sin, cos]]) * self.camera.focal / -middle[2]
+
+    def fit(self, state: State, mouth_closed: bool) -> HeadFit:
+        """The head at `state`: expression settled, lids outside the eyeballs, closed lips sealed.
+
+        Raises FaceError when it is not in front of the camera.
+        """
+        if not (np.isfinite(state.translation).all() and state.translation[2] < -5):
+            raise FaceError("no head fits the landmarks: use a photo that shows more of the face")
+        state = self.expressed(state)
+        shape = self.model.vertices(state.identity, state.expression)
+        shape = lids_outside_eyes(self.model, shape)
+        if mouth_closed or opening(self.landmarks[:, :2]) < self.settings.closed:
+            shape = seal_lips(self.model, shape)
+        return self.posed(state, shape)
+
+    def posed(self, state: State, shape: np.ndarray) -> HeadFit:
+        """`shape` (V, 3), in the model's frame, in the pose of `state`, as a fit."""
+        vertices = shape @ state.rotation.T + state.translation
+        landmarks = self.landmarks[:, :2].copy()
+        world = self.model.landmarks(vertices)[self.used]
+        landmarks[self.used] -= self._expected(state.rotation, world)
+        return HeadFit(
+            rotation=state.rotation,
+            translation=state.translation,
+            identity=state.identity.astype(np.float32),
+            expression=state.expression.astype(np.float32),
+            vertices=vertices.astype(np.float32),
+            landmarks=landmarks.astype(np.float32),
+            landmark_residual=self._residual(landmarks, world),
+        )
+
+    def _residual(self, landmarks: np.ndarray, world: np.ndarray) -> float:
+        """Mean distance of `landmarks` from those the model carries, (L, 3), in eye distances."""
+        eyes = [landmarks[list(eye)].mean(axis=0) for eye in (RIGHT_EYE, LEFT_EYE)]
+        distance = np.linalg.norm(self.camera.project(world) - landmarks[self.used], axis=-1)
+        return float(distance.mean() / max(np.linalg.norm(eyes[0] - eyes[1]), 1e-6))
+
+
+def _angles(rotation: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Roll, yaw and pitch, radians, of a head at `place` (3,) seen along the ray to it."""
+    ray = place / np.linalg.norm(place)
+    across = np.cross(ray, (0, 0, -1))
+    size = np.linalg.norm(across)
+    turn = Rotation.from_rotvec(across * (np.arctan2(size, -ray[2]) / max(size, 1e-9)))
+    return (turn * Rotation.from_matrix(rotation)).as_euler("ZYX")
+
+
+def camera_motion(camera: Camera, world: np.ndarray, moves: np.ndarray) -> np.ndarray:
+    """Motion in the image (N, 2, K), pixels, of points (N, 3) that move by `moves` (N, 3, K)."""
+    nearness = 1 / -world[:, 2, None]
+    centred = camera.project(world) - (camera.cx, camera.cy)
+    along_x = camera.focal * moves[:, 0] + centred[:, :1] * moves[:, 2]
+    along_y = -camera.focal * moves[:, 1] + centred[:, 1:] * moves[:, 2]
+    return np.stack([along_x * nearness, along_y * nearness], axis=1)
+
+
+def bounded_solve(
+    matrix: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """x within [low, high] that lowers x A x / 2 - b x; A positive definite.
+
+    Not the minimum: what meets a bound stays there, which for one step of many is as good.
+    """
+    fixed = np.zeros(len(right), dtype=bool)
+    solution = np.zeros_like(right)
+    for _ in range(10):
+        free = ~fixed
+        rest = right[free] - matrix[np.ix_(free, fixed)] @ solution[fixed]
+        solution[free] = np.linalg.solve(matrix[np.ix_(free, free)], rest)
+        outside = (solution < low) | (solution > high)
+        solution = np.clip(solution, low, high)
+        if not outside.any():
+            break
+        fixed |= outside
+    return solution

@@ -1,0 +1,77 @@
+"""What a reconstruction will take of a machine, said before it starts: memory and time.
+
+Both grow with the pixels of the crop. The numbers are those of benchmarks/scaling.py on two cores
+of a server (docs/method.md, "Speed and memory"); another machine is faster or slower by a factor,
+and the progress bar measures it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+
+from ..errors import SettingsError
+
+#: Peak memory of the whole command: bytes, and bytes more for each pixel of the crop.
+_MEMORY, _MEMORY_PER_PIXEL = 0.86e9, 480.0
+#: Milliseconds of an iteration, and more for each million pixels of the crop, on two cores.
+_PACE = {
+    "stage1": (7.0, 6.0),
+    "stage2": (9.0, 29.0),
+    "stage3": (17.0, 105.0),
+    "stage4": (1.0, 85.0),
+    "stage5": (1.0, 72.0),
+}
+_CORES = 2
+#: Seconds of everything but the iterations, and more for each million pixels.
+_REST, _REST_PER_MEGAPIXEL = 24.0, 25.0
+
+_UNITS = {"GB": 1e9, "GIB": 2.0**30, "MB": 1e6, "MIB": 2.0**20}
+
+
+def memory(resolution: int) -> float:
+    """Peak memory, bytes, of a reconstruction with a crop of `resolution` pixels a side."""
+    return _MEMORY + _MEMORY_PER_PIXEL * resolution**2
+
+
+def seconds(resolution: int, iterations: Mapping[str, int], cores: int) -> float:
+    """Rough duration for `iterations` by stage ("stage1" to "stage5") on `cores` cores.
+
+    Measured on one and two; up to four are taken to help as much, more not at all.
+    """
+    megapixels = resolution**2 / 1e6
+    stages = sum(
+        count * (_PACE[name][0] + _PACE[name][1] * megapixels) for name, count in iterations.items()
+    )
+    return (stages / 1000 + _REST + _REST_PER_MEGAPIXEL * megapixels) * _CORES / min(cores, 4)
+
+
+def cores() -> int:
+    """Processor cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def check_memory(limit: float, resolution: int) -> None:
+    """Raise SettingsError where a crop of `resolution` takes more than `limit` bytes."""
+    if memory(resolution) <= limit:
+        return
+    fitting = [side for side in (1536, 1024, 768, 512, 384, 256) if memory(side) <= limit]
+    least = f"no resolution takes less than the {memory(256) / 1e9:.2f} GB of 256 pixels"
+    remedy = f"use --resolution {fitting[0]}" if fitting else f"allow more: {least}"
+    taken = f"{resolution} pixels are taken to need {memory(resolution) / 1e9:.2f} GB"
+    raise SettingsError(f"--memory {limit / 1e6:.0f}MB: {taken}; {remedy}")
+
+
+def read_size(text: str) -> float:
+    """Bytes of "4GB", "900MB" or "2GiB". Raises ValueError, also without a unit."""
+    number = text.strip().upper()
+    for unit, factor in _UNITS.items():
+        if number.endswith(unit):
+            return _positive(float(number.removesuffix(unit)) * factor)
+    raise ValueError("no unit")
+
+
+def _positive(size: float) -> float:
+    if not 0 < size < float("inf"):
+        raise ValueError("must be more than nothing")
+    return size

@@ -1,0 +1,209 @@
+"""What works on this machine, what does not, and how to mend it. Computes; prints nothing."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import ModelError
+from . import assets
+from .cost import cores
+from .runtime import llvm_library
+
+# A run at the paper's settings (512 x 512) stays below this.
+NEEDED_MEMORY = 3 << 30
+# Room for the models in the cache and the wheel they come in.
+NEEDED_DISK = 200 << 20
+_PYTHON = ((3, 11), (3, 14))
+_PROBE_SECONDS = 120
+_LLVM_REMEDY = (
+    "on Linux x86-64 `pip install karellen-llvm-core`; elsewhere install your system's LLVM 16 "
+    "or newer and set DRJIT_LIBLLVM_PATH to its libLLVM"
+)
+
+# Run by another process: a libLLVM that Dr.Jit cannot use may abort instead of raising.
+_PROBE = """
+import json
+from unlit.machine.runtime import mitsuba
+mi = mitsuba()
+import drjit as dr
+x = dr.arange(mi.Float, 5)
+assert dr.sum(dr.fma(x, x, dr.minimum(x, 1)))[0] == 34
+scene = mi.load_dict({"type": "scene", "shape": {"type": "sphere"}})
+assert dr.all(scene.ray_test(mi.Ray3f([0, 0, -5], [0, 0, 1])))
+llvm = ".".join(map(str, dr.detail.llvm_version()))
+print(json.dumps({"mitsuba": mi.__version__, "drjit": dr.__version__,
+                  "variant": mi.variant(), "llvm": llvm}))
+"""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing looked at.
+
+    ok: whether unlit can work with what was found.  detail: what was found, one line.
+    remedy: what to do about it, one line; empty where there is nothing to do.
+    """
+
+    name: str
+    ok: bool
+    detail: str
+    remedy: str = ""
+
+
+def checks() -> list[Check]:
+    """Look at Python, the system, the renderer and its back end, the models, memory and disk.
+
+    Takes a few seconds: the renderer is tried in a process of its own. Fetches nothing.
+    """
+    return [
+        _python(),
+        Check("system", True, f"{platform.system()} {platform.machine()}"),
+        *_renderer(),
+        *_models(),
+        _memory(),
+        _disk(),
+        _cores(),
+        _viewer(),
+    ]
+
+
+def _viewer() -> Check:
+    from ..report.bundle import REMEDY, missing_because, program
+
+    if program() is not None:
+        return Check("viewer", True, "in the reports")
+    # All else works without it.
+    return Check("viewer", True, f"not in the reports: {missing_because()}", REMEDY)
+
+
+def _python() -> Check:
+    low, high = _PYTHON
+    return Check(
+        "python",
+        low <= sys.version_info[:2] < high,
+        f"{platform.python_version()} ({sys.executable})",
+        "" if low <= sys.version_info[:2] < high else "use Python 3.11, 3.12 or 3.13",
+    )
+
+
+def _renderer() -> list[Check]:
+    """Mitsuba and its back end, tried by tracing a ray."""
+    library = llvm_library()
+    llvm = str(library) if library else "left to Dr.Jit's own search"
+    try:
+        probe = subprocess.run(
+            [sys.executable, "-c", _PROBE],
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=_PROBE_SECONDS,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        trouble = f"no answer within {_PROBE_SECONDS} s; LLVM library: {llvm}"
+        return [Check("renderer", False, trouble, _LLVM_REMEDY)]
+    if probe.returncode != 0:
+        return [Check("renderer", False, *_trouble(probe, llvm))]
+    found = json.loads(probe.stdout.splitlines()[-1])
+    on_gpu = found["variant"].startswith("cuda")
+    back_end = "NVIDIA GPU (CUDA)" if on_gpu else f"CPU (LLVM {found['llvm']}: {llvm})"
+    return [
+        Check("renderer", True, f"Mitsuba {found['mitsuba']}, Dr.Jit {found['drjit']}"),
+        Check("back end", True, " ".join(back_end.split())),
+    ]
+
+
+def _trouble(probe: subprocess.CompletedProcess[str], llvm: str) -> tuple[str, str]:
+    """Detail and remedy of a probe that failed."""
+    lines = [line.strip() for line in probe.stderr.splitlines() if line.strip()]
+    last = lines[-1] if lines else "no message"
+    # A negative code is the number of the signal that ended the process (POSIX).
+    if probe.returncode < 0:
+        said = next((line for line in lines if line.startswith("LLVM ERROR")), last)
+        detail = f"the LLVM library {llvm} ends the process (signal {-probe.returncode}): {said}"
+        return detail, _LLVM_REMEDY
+    if "MachineError: " in last:  # unlit's own: what is wrong, a colon, what to do
+        detail, _, remedy = last.partition("MachineError: ")[2].partition(": ")
+        return f"{detail}; LLVM library: {llvm}", remedy
+    if "ModuleNotFoundError" in last or "ImportError" in last:
+        return last, "install unlit with its dependencies: `pip install unlit`"
+    return f"{last}; LLVM library: {llvm}", _LLVM_REMEDY
+
+
+def _models() -> list[Check]:
+    try:
+        statuses = assets.statuses()
+    except ModelError as error:
+        message, _, remedy = str(error).partition(": ")
+        return [Check("models", False, message, remedy)]
+    found = []
+    for status in statuses:
+        if status.asset.command != "reconstruct":
+            continue
+        ok = status.problem is None
+        detail = f"verified: {status.path}" if ok else str(status.problem)
+        remedy = (
+            f"`unlit models fetch` gets it ({status.asset.size / 1e6:.0f} MB), as does the first "
+            f"run; or put it into {assets.cache_folder()}"
+        )
+        found.append(Check(f"model {status.asset.name}", ok, detail, "" if ok else remedy))
+    return found
+
+
+def _memory() -> Check:
+    free = _free_memory()
+    if free is None:
+        return Check("memory", True, f"not known; {NEEDED_MEMORY >> 30} GB are enough")
+    ok = free >= NEEDED_MEMORY
+    return Check(
+        "memory",
+        ok,
+        f"{free / (1 << 30):.1f} GB free",
+        ""
+        if ok
+        else f"{NEEDED_MEMORY >> 30} GB may be needed: close programs or use --preset draft",
+    )
+
+
+def _free_memory() -> int | None:
+    """Bytes that can be had without swapping, within the container's limit where there is one."""
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        kilobytes = next(line for line in lines if line.startswith("MemAvailable:")).split()[1]
+        free = int(kilobytes) << 10
+    except (OSError, StopIteration, ValueError, IndexError):
+        return None
+    group = Path("/sys/fs/cgroup")
+    try:
+        limit = int((group / "memory.max").read_text())
+        used = int((group / "memory.current").read_text())
+        # Files that the kernel holds in memory count as used, but give way.
+        stat = dict(line.split() for line in (group / "memory.stat").read_text().splitlines())
+        used -= int(stat.get("inactive_file", 0))
+    except (OSError, ValueError):  # no limit is spelt "max"
+        return free
+    return min(free, limit - used)
+
+
+def _disk() -> Check:
+    folder = assets.cache_folder()
+    existing = next(place for place in (folder, *folder.parents) if place.exists())
+    free = shutil.disk_usage(existing).free
+    writable = os.access(existing, os.W_OK)
+    detail = f"{free / (1 << 30):.1f} GB free for {folder}"
+    if not writable:
+        remedy = f"make {existing} writable, or put the models elsewhere and name the folder in "
+        return Check("disk", False, f"{existing} is not writable", remedy + assets.FOLDER_VARIABLE)
+    ok = free >= NEEDED_DISK
+    return Check("disk", ok, detail, "" if ok else f"free {NEEDED_DISK >> 20} MB there")
+
+
+def _cores() -> Check:
+    return Check("cores", True, f"{cores()} usable")

@@ -1,0 +1,180 @@
+"""A finished face under another light: with the transport renderer, or path-traced.
+
+The transport renderer traces which cells of the light every point sees, once for all lights it is
+prepared for (`Relighter.under`): a light that turns about the vertical axis costs one sum a frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from ..face.reconstruction import Reconstruction
+from ..machine.runtime import mitsuba
+from ..scene.arrays import device
+from ..scene.camera import Camera
+from ..scene.cells import Cells, Flux, even_cells, refine
+from ..scene.light import SphericalGaussians
+from ..scene.maps import Maps
+from ..scene.mesh import Hits, Mesh, surface
+from .bounce import Bounce, BounceUnder
+from .reference import Progress, path_trace, silent
+from .transport import Directions, Points, shade, visibility
+
+mi = mitsuba()
+
+#: Inter-reflections between parts of the face.
+BOUNCES = 3
+#: Cells at most for a light that turns: the sum over them is to take about a second at 512 pixels.
+_TURNING_LIMIT = 6000
+#: And no more than so many bits of visibility: 512 MB.
+_BITS = 1 << 32
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What relighting needs of a face; the fields are those of Reconstruction."""
+
+    camera: Camera
+    vertices: np.ndarray
+    triangles: np.ndarray
+    diffuse_albedo: np.ndarray
+    specular_albedo: np.ndarray
+    roughness: np.ndarray
+    perturbation: np.ndarray
+    specular_normal: np.ndarray
+    diffuse_normal: np.ndarray
+    mask: np.ndarray
+
+
+Face = Reconstruction | Seen
+
+
+def maps_of(face: Face) -> Maps:
+    """The reflectance of `face`."""
+    return Maps(face.diffuse_albedo, face.specular_albedo, face.roughness, face.perturbation)
+
+
+def traced(
+    face: Face, environment: np.ndarray, samples: int, seed: int = 0, progress: Progress = silent
+) -> np.ndarray:
+    """Path-traced (S, S, 3) linear sRGB under `environment` (H, W[, 3]), beyond the mask, too."""
+    mesh = Mesh(face.vertices, face.triangles)
+    return path_trace(
+        mesh, face.camera, maps_of(face), environment, samples, BOUNCES, seed, progress=progress
+    )
+
+
+class Relighter:
+    """What stays when only the light changes: geometry, shading points, form factors."""
+
+    def __init__(self, face: Face, bounces: int = BOUNCES) -> None:
+        self.maps = maps_of(face)
+        self.mesh = Mesh(face.vertices, face.triangles)
+        hits = self.mesh.camera_hits(face.camera)
+        inside = np.flatnonzero(face.mask.ravel()[hits.pixel.numpy()] > 0).astype(np.uint32)
+        chosen = device(mi.UInt32, inside)
+        hits = Hits(
+            dr.gather(mi.UInt32, hits.pixel, chosen), dr.gather(mi.UInt32, hits.triangle, chosen)
+        )
+        self.pixel = hits.pixel.numpy().astype(np.int64)
+        mesh = self.mesh
+        position, _, geometric = surface(
+            face.camera, hits, mesh.vertices, mesh.normals, mesh.triangles
+        )
+        self.points = Points(
+            position,
+            device(mi.Vector3f, face.diffuse_normal.reshape(-1, 3)[self.pixel]),
+            device(mi.Vector3f, face.specular_normal.reshape(-1, 3)[self.pixel]),
+            geometric,
+            device(mi.Float, face.roughness.ravel()[self.pixel]),
+        )
+        self.bounce = Bounce(mesh, face.camera, hits, face.roughness, bounces)
+
+    def __call__(self, light: np.ndarray | SphericalGaussians) -> np.ndarray:
+        """(S, S, 3) linear sRGB under `light`; 0 outside the mask. See Reconstruction.relight."""
+        lobes = isinstance(light, SphericalGaussians)
+        return self.under(light.rasterize() if lobes else np.asarray(light)).image(0)
+
+    def under(self, environment: np.ndarray, azimuths: Sequence[float] = (0.0,)) -> Lit:
+        """Trace what the face sees of `environment` (H, W[, 3]), turned by each of `azimuths`.
+
+        azimuths: degrees about the vertical axis; a light in front moves to the picture's right.
+        The quadrature is refined where the light is small or steep, so shadows of small lights
+        are sharp; cells without light are left out.
+        """
+        turns = [float(turn) for turn in np.radians(azimuths)]
+        limit = 2500
+        if len(turns) > 1:
+            limit = int(np.clip(_BITS // len(self.pixel), limit, _TURNING_LIMIT))
+        cells = refine(even_cells(), environment, limit=limit, azimuths=turns)
+        flux = Flux(environment)
+        radiance = np.stack([flux.mean(cells.turned(turn)) for turn in turns])
+        lit = np.flatnonzero(radiance.any(axis=(0, *range(2, radiance.ndim))))
+        # Cells that one frame needs lie next to each other.
+        lit = lit[np.argsort(cells.phi[lit].mean(axis=1), kind="stable")]
+        return Lit(self, cells.some(lit), radiance[:, lit])
+
+
+class Lit:
+    """A face in a light that may turn: visibility of all its cells, traced once.
+
+    cells: D of them. radiance: (F, D) or (F, D, 3), of each of F frames.
+    """
+
+    def __init__(self, face: Relighter, cells: Cells, radiance: np.ndarray) -> None:
+        self.face, self.cells, self.radiance = face, cells, radiance
+        if not len(cells):
+            return
+        directions = Directions(cells)
+        self._direct = visibility(face.mesh.scene, face.points, directions, face.points.horizon)
+        self._indirect = face.bounce.under(directions).bits
+
+    def image(self, frame: int) -> np.ndarray:
+        """(S, S, 3) linear sRGB; 0 outside the mask."""
+        face, radiance = self.face, self.radiance[frame]
+        count = len(face.pixel)
+        # Words of 32 visibility bits in which this frame has light.
+        lit = radiance.any(axis=tuple(range(1, radiance.ndim)))
+        words = np.unique(np.flatnonzero(lit) >> 5)
+        if not words.size:
+            nothing = np.zeros((count, 1), dtype=np.float32)
+            return composed(face.maps, face.pixel, nothing, nothing)
+        index = (words[:, None] * 32 + np.arange(32)).ravel()
+        index = index[index < len(radiance)]
+        directions, radiance = Directions(self.cells.some(index)), radiance[index]
+        e, s = shade(face.points, directions, _words(self._direct, words, count), radiance)
+        bits = self._indirect
+        if bits is not None:
+            bits = _words(bits, words, len(face.bounce.lit))
+        under = BounceUnder(face.bounce, directions, bits)
+        indirect_e, indirect_s = under.shade(radiance, face.maps)
+        total_e = e.numpy().T.reshape(count, -1) + indirect_e
+        total_s = s.numpy().T.reshape(count, -1) + indirect_s
+        return composed(face.maps, face.pixel, total_e, total_s)
+
+
+def _words(bits: Any, words: np.ndarray, points: int) -> Any:
+    """The visibility bits (visibility.trace) of the cells in `words` only."""
+    if len(words) * points == dr.width(bits):
+        return bits
+    width = dr.opaque(mi.UInt32, points)
+    index = dr.arange(mi.UInt32, len(words) * points)
+    word = dr.gather(mi.UInt32, device(mi.UInt32, words), index // width)
+    return dr.gather(mi.UInt32, bits, word * width + index % width)
+
+
+def composed(maps: Maps, pixel: np.ndarray, e: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Image (H, W, 3) of I = rho_d E + rho_s S at the row-major `pixel` (P,), 0 elsewhere.
+
+    e, s: (P, 1) or (P, 3) total shading.
+    """
+    shape = maps.diffuse_albedo.shape
+    image = np.zeros((shape[0] * shape[1], 3), dtype=np.float32)
+    image[pixel] = maps.diffuse_albedo.reshape(-1, 3)[pixel] * e
+    image[pixel] += maps.specular_albedo.reshape(-1, 1)[pixel] * s
+    return image.reshape(shape)

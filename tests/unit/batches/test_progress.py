@@ -1,0 +1,38 @@
+"""What a batch says while it runs."""
+
+import io
+
+import pytest
+from rich.console import Console
+
+pytest.importorskip("distributed", reason="needs the extra 'batch'")
+
+from unlit.batches import progress
+from unlit.batches.progress import BatchConsole
+from unlit.batches.record import Row
+from unlit.batches.run import Counts
+
+
+def test_it_is_told_what_runs_before_the_first_photo_is_done(monkeypatch) -> None:
+    """At once, then every minute; in between only what is done."""
+    text, now = io.StringIO(), [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    with BatchConsole(Console(file=text, width=200)) as watch:
+        watch(Counts(3), [])
+        assert text.getvalue() == ""
+        for second in range(0, 100, 2):
+            now[0] = float(second)
+            watch(Counts(3, workers=2, running=2, longest=float(second)), [])
+        watch(Counts(3, done=1, workers=2, running=1, longest=100.0), [Row("a.jpg", folder="a")])
+    said = text.getvalue().splitlines()
+    assert said[0] == "0 of 3, 2 workers, 2 running for up to 0:00"
+    assert said[1] == "0 of 3, 2 workers, 2 running for up to 1:02"
+    assert said[2].startswith("done  a  ")
+    assert said[3:] == ["1 of 3"]
+
+
+def test_it_says_at_the_end_what_was_done_before() -> None:
+    text = io.StringIO()
+    with BatchConsole(Console(file=text, width=200)) as watch:
+        watch(Counts(5, before=3, failed=2), [])
+    assert text.getvalue().splitlines() == ["5 of 5, 3 done before, 2 failed"]

@@ -1,0 +1,89 @@
+"""What a batch keeps of a photo: read back the same, and nothing else is taken for it."""
+
+import json
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from unlit.batches.record import Record, Row, content_key, readable
+
+ROW = Row(
+    photo="/p/caf\udce9.jpg",
+    folder="cafe",
+    warnings=["small"],
+    seconds={"stage1": 1 / 3},
+    landmark_residual=0.1,
+    losses={"stage1": 1e-17},
+)
+
+
+def test_read_back_the_same():
+    """Also a name that is no text, and numbers to the last digit."""
+    record = Record(ROW.photo, "k", [ROW, Row("/p/b.jpg", error="no face")])
+    assert Record.decode(record.encode()) == record
+
+
+_json = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner),
+    max_leaves=6,
+)
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=50))
+def test_bytes_that_are_no_record(content):
+    """Any bytes: None, no error."""
+    assert Record.decode(content) is None
+
+
+@settings(deadline=None)
+@given(st.data())
+def test_fields_of_wrong_types(data):
+    """A record with one value replaced by anything is read as a whole record or not at all."""
+    values = json.loads(Record("/p/a.jpg", "k", [ROW]).encode())
+    table = data.draw(st.sampled_from([values, values["rows"][0]]))
+    table[data.draw(st.sampled_from(sorted(table)))] = data.draw(_json)
+    found = Record.decode(json.dumps(values).encode())
+    assert found is None or Record.decode(found.encode()) is not None
+
+
+def test_huge_nesting_is_no_record():
+    """Brackets without end."""
+    assert Record.decode(b"[" * 100_000) is None
+
+
+def test_the_key_follows_everything_that_matters(tmp_path):
+    """Photo, settings and face change it; the photo's name and date do not."""
+    one, other = tmp_path / "a.jpg", tmp_path / "b.jpg"
+    one.write_bytes(b"same")
+    other.write_bytes(b"same")
+    key = content_key(one, {"a": 1}, "only")
+    assert key == content_key(other, {"a": 1}, "only")
+    other.write_bytes(b"else")
+    assert len({key, content_key(other, {"a": 1}, "only"), content_key(one, {"a": 2}, "only")}) == 3
+    assert content_key(one, {"a": 1}, 0) != key
+    model = tmp_path / "head.npz"
+    keys = set()
+    for content in (b"one head", b"another"):
+        model.write_bytes(content)
+        keys.add(content_key(one, {"head_model": str(model)}, "only"))
+    assert len(keys) == 2
+
+
+def test_no_key_without_a_photo(tmp_path):
+    """Missing files, folders, and pipes, which would never end."""
+    import os
+
+    os.mkfifo(tmp_path / "pipe.jpg")
+    for name in ("pipe.jpg", "none.jpg", "."):
+        assert content_key(tmp_path / name, {}, "only") == ""
+    assert Record("p", "", [ROW]).results("") == {}
+
+
+@pytest.mark.parametrize("text", ["a\x1b[2Jb", "a\nb", "a\udcffb", "a\u202eb"])
+def test_readable_text_moves_no_cursor(text):
+    """Control, direction and broken characters are replaced."""
+    assert readable(text).isprintable()
+    assert readable("grüße 顔") == "grüße 顔"

@@ -1,0 +1,148 @@
+"""What counts as a shadow of something else, and what stays skin."""
+
+from __future__ import annotations
+
+import dataclasses
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+
+import tiny_run
+from unlit.conditions import cast_shadow as module
+from unlit.conditions.cast_shadow import attenuation, cast_shadow, shadowed
+from unlit.conditions.first_stage import FirstLook
+from unlit.optimize.problem import Evidence
+from unlit.pipeline import chain as pipeline
+from unlit.scene.camera import Camera
+from unlit.settings.settings import PRESETS
+
+SIZE = 256
+Y, X = np.mgrid[0:SIZE, 0:SIZE]
+FACE = ((X - 128) / 80) ** 2 + ((Y - 128) / 105) ** 2 < 1
+BROWS = FACE & (abs(Y - 95) < 5) & (abs(abs(X - 128) - 35) < 22)
+ABOVE = Y < 150  # the base of the nose
+RNG = np.random.default_rng(0)
+
+
+def found(dark: np.ndarray, factor: float = 0.4, light: float = 0.8) -> np.ndarray:
+    """What is taken for a shadow on a face that is plain but for `dark`; noisy."""
+    regions = np.zeros((SIZE, SIZE, 4), np.float32)
+    regions[..., 3] = BROWS
+    regions[..., 0] = FACE & ~BROWS
+    render = np.full((SIZE, SIZE, 3), 0.3, np.float32) * FACE[..., None]
+    image = render * np.where(dark, factor, 1)[..., None] * np.where(BROWS, 0.3, 1)[..., None]
+    image = image * (1 + 0.05 * RNG.standard_normal(image.shape))
+    look = FirstLook(np.full((SIZE, SIZE), light), np.zeros((SIZE, SIZE)), render, FACE)
+    return shadowed(SimpleNamespace(image=image, regions=regions), look, ABOVE)  # type: ignore[arg-type]
+
+
+def agreement(a: np.ndarray, b: np.ndarray) -> float:
+    return (a & b).sum() / (a | b).sum()
+
+
+@pytest.mark.parametrize(
+    "dark",
+    [FACE & (80 + 4 * np.sin(X / 9) > Y), FACE & (165 + 3 * np.sin(Y / 11) < X)],
+    ids=["hat", "hair"],
+)
+def test_a_shadow_from_the_outline_is_found(dark: np.ndarray) -> None:
+    """On skin, also beside the brow that the shadow of hair crosses; the brow stays."""
+    shadow = found(dark)
+    assert agreement(shadow, dark & ~BROWS) > 0.9
+    assert not shadow[BROWS].any()
+
+
+@pytest.mark.parametrize(
+    "dark",
+    [
+        np.zeros_like(FACE),
+        FACE & (Y > 170),
+        (X - 95) ** 2 + (Y - 130) ** 2 < 20**2,
+        FACE & (abs(X - 128) > 76),
+        FACE & (Y < 160),
+    ],
+    ids=["nothing", "beard", "birthmark", "thin rim", "most of the face"],
+)
+def test_other_dark_skin_stays(dark: np.ndarray) -> None:
+    assert not found(dark).any()
+
+
+def test_a_shadow_is_much_darker_than_the_model_and_not_where_the_model_is_dark() -> None:
+    hat = FACE & (Y < 80)
+    assert not found(hat, factor=0.75).any()
+    assert not found(hat, light=0.1).any()
+
+
+def test_skin_that_the_photo_clips_is_no_shadow() -> None:
+    """The model may be far above white there."""
+    render = np.where(FACE & (Y < 80), 2.2, 0.8)[..., None] * np.ones(3)
+    regions = np.dstack([FACE, 0 * Y, 0 * Y, 0 * Y]).astype(np.float32)
+    look = FirstLook(
+        np.ones_like(render[..., 0]), 0 * render[..., 0], render * FACE[..., None], FACE
+    )
+    photo = SimpleNamespace(image=np.minimum(look.render, 1), regions=regions)
+    assert not shadowed(photo, look, ABOVE).any()  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("scale", [1, 2])
+def test_it_is_found_at_any_size(monkeypatch, scale: int) -> None:
+    """The photo at 512 is looked at in 256 pixels; the answer has its own size, in its place."""
+    render = np.full((SIZE, SIZE, 3), 0.3, np.float32) * FACE[..., None]
+    seen: list[Evidence] = []
+
+    def look(evidence: Evidence, settings: object) -> FirstLook:
+        seen.append(evidence)
+        return FirstLook(np.full((SIZE, SIZE), 0.8), np.zeros((SIZE, SIZE)), render, FACE)
+
+    def large(image: np.ndarray) -> np.ndarray:
+        return cv2.resize(image.astype(np.float32), None, fx=scale, fy=scale)
+
+    monkeypatch.setattr(module, "first_look", look)
+    hat = FACE & (Y < 80)
+    face = large(FACE)
+    regions = np.dstack([face, 0 * face, 0 * face, 0 * face])
+    image = large(render * np.where(hat, 0.4, 1)[..., None])
+    size = scale * SIZE
+    camera = Camera(size, size, 3.0 * size, 0.4 * size, 0.6 * size)
+    points = np.array([[0.2, 0.3]]) * size
+    evidence = Evidence(image, regions, face > 0.5, face, camera, *4 * [points], points, points[0])
+    lit = cast_shadow(evidence, large(ABOVE) > 0.5, PRESETS["draft"])
+    assert lit is not None and lit.shape == (size, size)
+    assert agreement(lit < 0.5, large(hat) > 0.5) > 0.9
+    small = seen[0]
+    assert vars(small.camera) == vars(Camera(SIZE, SIZE, 3.0 * SIZE, 0.4 * SIZE, 0.6 * SIZE))
+    np.testing.assert_allclose(small.landmarks, np.array([[0.2, 0.3]]) * SIZE)
+    assert not seen[1].weight[hat & (Y < 75)].any()
+
+
+def test_above_is_towards_the_hairline(monkeypatch) -> None:
+    """However the head is rolled; and `keep` does not look at all."""
+    seen = tiny_run.capture()
+    size = len(seen.image)
+    landmarks = np.zeros((478, 3))
+    landmarks[[10, 152, 2], 0] = 0.1 * size, 0.9 * size, 0.6 * size  # lying on one side
+    landmarks[:, 1] = size / 2
+    asked: list[np.ndarray] = []
+    monkeypatch.setattr(pipeline, "cast_shadow", lambda _, above, __: asked.append(above))
+    seen = dataclasses.replace(seen, landmarks=landmarks)
+    found = pipeline.without_cast_shadow(seen, tiny_run.head(), tiny_run.settings())
+    assert found.lit is None
+    columns = np.indices((size, size))[1] + 0.5
+    np.testing.assert_array_equal(asked[0], columns < 0.6 * size)
+    pipeline.without_cast_shadow(seen, tiny_run.head(), tiny_run.settings(cast_shadows="keep"))
+    assert len(asked) == 1
+
+
+def test_the_shading_has_the_shadow() -> None:
+    """Its level and colour, not the details, which are the skin's; elsewhere nothing changes."""
+    render = np.full((SIZE, SIZE, 3), 0.3) * FACE[..., None]
+    lit = np.where(FACE & (Y < 80), 0, 1).astype(np.float32)
+    left = np.array([0.5, 0.4, 0.3])
+    image = render * np.where(lit[..., None] == 0, left, 1.5)
+    image = image * (1 + 0.2 * (-1.0) ** (X + Y))[..., None]
+    found = attenuation(image, render, lit)
+    core = FACE & (Y < 70) & (abs(X - 128) < 30)
+    np.testing.assert_allclose(found[core], np.broadcast_to(left, found[core].shape), rtol=0.06)
+    np.testing.assert_array_equal(found[lit == 1], 1)

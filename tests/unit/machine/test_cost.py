@@ -1,0 +1,47 @@
+"""What a run is said to take before it starts."""
+
+import pytest
+
+from unlit.cli import main
+from unlit.errors import SettingsError
+from unlit.machine.cost import check_memory, memory, read_size, seconds
+
+
+@pytest.mark.parametrize(("text", "size"), [("4GB", 4e9), (" 900 mb", 9e8), ("2GiB", 2**31)])
+def test_sizes(text: str, size: float) -> None:
+    """Decimal and binary units, and plain bytes."""
+    assert read_size(text) == size
+
+
+@pytest.mark.parametrize("text", ["", "GB", "four", "4", "1e9", "-1GB", "0", "nan", "inf"])
+def test_no_sizes(text: str) -> None:
+    """Anything else is a ValueError, which argparse turns into one line."""
+    with pytest.raises(ValueError, match=r".*"):
+        read_size(text)
+
+
+def test_remedy_fits() -> None:
+    """A limit that is too low is refused with a resolution that does fit, or with the least."""
+    check_memory(1e9, 512)
+    check_memory(memory(2048), 2048)
+    limit = memory(2048) - 1
+    with pytest.raises(SettingsError, match=r"--memory .* 2048 pixels .*--resolution") as refused:
+        check_memory(limit, 2048)
+    check_memory(limit, int(str(refused.value).split()[-1]))
+    with pytest.raises(SettingsError, match="256 pixels"):
+        check_memory(1e6, 512)
+
+
+def test_seconds_grow() -> None:
+    """With pixels and iterations; halved by twice the cores."""
+    base = seconds(512, {"stage2": 1000}, 2)
+    assert seconds(1024, {"stage2": 1000}, 2) > base
+    assert seconds(512, {"stage2": 2000}, 2) > base
+    assert seconds(512, {"stage2": 1000}, 4) == base / 2
+
+
+def test_memory_option_is_checked_before_anything_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    """--memory that is too little ends with one line, before the photo is looked for."""
+    code = main(["reconstruct", "no.jpg", "-o", "x", "--resolution", "2048", "--memory", "1.5GB"])
+    assert code == 2
+    assert "--resolution 1024" in capsys.readouterr().err

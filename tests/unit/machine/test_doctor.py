@@ -1,0 +1,129 @@
+"""doctor.py: says what is there, and names the remedy for what is not."""
+
+import platform
+import subprocess
+import sys
+from collections import namedtuple
+
+import pytest
+
+from unlit.machine import assets, doctor
+
+
+def by_name(found):
+    return {check.name: check for check in found}
+
+
+def test_this_machine(monkeypatch, tmp_path, capfd):
+    """The suite runs here, so the renderer must be found sound; missing models must be told.
+
+    Nothing may be printed: the command line does that.
+    """
+    monkeypatch.delenv(assets.FOLDER_VARIABLE, raising=False)
+    monkeypatch.setattr(assets, "cache_folder", lambda: tmp_path / "not" / "yet")
+    found = by_name(doctor.checks())
+    for name in ("python", "system", "renderer", "back end", "disk", "cores"):
+        assert found[name].ok, found[name]
+    assert platform.python_version() in found["python"].detail
+    assert "LLVM" in found["back end"].detail or "CUDA" in found["back end"].detail
+    for name in ("face_landmarker.task", "makehuman-head"):
+        check = found[f"model {name}"]
+        assert not check.ok
+        assert "unlit models" in check.remedy
+        assert str(tmp_path) in check.remedy
+    assert capfd.readouterr() == ("", "")
+    assert all("\n" not in check.detail + check.remedy for check in found.values())
+
+
+def test_an_llvm_that_aborts_the_process_is_reported(monkeypatch):
+    """Debian's libllvm15 aborts; the doctor must live to tell which library did it."""
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/somewhere/libLLVM-15.so")
+    monkeypatch.setattr(
+        doctor,
+        "_PROBE",
+        "import os, sys;"
+        "sys.stderr.write('LLVM ERROR: Cannot select: fminimum\\nIn function: f\\n');"
+        "sys.stderr.flush(); os.abort()",
+    )
+    (check,) = doctor._renderer()
+    assert not check.ok
+    assert "/somewhere/libLLVM-15.so" in check.detail
+    if sys.platform != "win32":
+        assert "Cannot select" in check.detail
+    assert "DRJIT_LIBLLVM_PATH" in check.remedy
+
+
+def test_no_llvm_at_all(monkeypatch):
+    """The runtime's own error is split into what is wrong and what to do."""
+    monkeypatch.setattr(
+        doctor,
+        "_PROBE",
+        "from unlit.errors import MachineError; raise MachineError('no LLVM: install one')",
+    )
+    (check,) = doctor._renderer()
+    assert not check.ok
+    assert check.detail.startswith("no LLVM")
+    assert check.remedy == "install one"
+
+
+def test_missing_package(monkeypatch):
+    """A broken installation is not blamed on LLVM."""
+    monkeypatch.setattr(doctor, "_PROBE", "import no_such_package_at_all")
+    (check,) = doctor._renderer()
+    assert not check.ok
+    assert "no_such_package_at_all" in check.detail
+    assert "pip install" in check.remedy
+
+
+def test_a_probe_that_hangs(monkeypatch):
+    """A driver that never answers must not hang the doctor."""
+
+    def hang(*args, **kwargs):
+        raise subprocess.TimeoutExpired("probe", kwargs["timeout"])
+
+    monkeypatch.setattr(doctor.subprocess, "run", hang)
+    (check,) = doctor._renderer()
+    assert not check.ok
+    assert "no answer" in check.detail
+
+
+def test_models_found_and_folder_misnamed(monkeypatch, tmp_path):
+    """A verified model has no remedy; a UNLIT_MODELS that does not exist is one failed check."""
+    entry = assets.ASSETS["face_landmarker.task"]
+    found = [assets.AssetStatus(entry, tmp_path / entry.file, None)]
+    monkeypatch.setattr(assets, "statuses", lambda: found)
+    (check,) = doctor._models()
+    assert check.ok
+    assert str(tmp_path) in check.detail
+    assert check.remedy == ""
+    monkeypatch.undo()
+    monkeypatch.setenv(assets.FOLDER_VARIABLE, str(tmp_path / "nowhere"))
+    (check,) = doctor._models()
+    assert not check.ok
+    assert "nowhere" in check.detail
+
+
+@pytest.mark.parametrize(("free", "ok"), [(None, True), (1 << 30, False), (8 << 30, True)])
+def test_memory(monkeypatch, free, ok):
+    """Too little memory is a finding with a remedy; unknown memory is not a failure."""
+    monkeypatch.setattr(doctor, "_free_memory", lambda: free)
+    check = doctor._memory()
+    assert check.ok is ok
+    assert bool(check.remedy) is not ok
+
+
+def test_full_disk(monkeypatch):
+    """The models must fit into the cache."""
+    usage = namedtuple("usage", "total used free")(1 << 40, 1 << 40, 1 << 20)
+    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda place: usage)
+    check = doctor._disk()
+    assert not check.ok
+    assert "free" in check.remedy
+
+
+def test_old_python(monkeypatch):
+    """An unsupported Python is named with those that are supported."""
+    monkeypatch.setattr(doctor.sys, "version_info", (3, 9, 1))
+    check = doctor._python()
+    assert not check.ok
+    assert "3.11" in check.remedy

@@ -1,0 +1,54 @@
+"""Which of a photo's faces is reconstructed."""
+
+import numpy as np
+import pytest
+
+from unlit.cli import main
+from unlit.errors import FaceError
+from unlit.perception.landmarks import Face
+from unlit.pipeline.chain import choose
+
+
+def face(left: float, size: float) -> Face:
+    return Face(np.zeros((478, 3), np.float32), {}, 1.0, (left, 10, left + size, 10 + size))
+
+
+#: From large to small, as they are found; the second stands left, the third right.
+FACES = [face(400, 300), face(50, 200), face(650, 90), face(420, 80)]
+
+
+@pytest.mark.parametrize(
+    ("which", "number"), [("largest", 0), ("left", 1), ("right", 2), (0, 0), (3, 3)]
+)
+def test_choice(which: str | int, number: int) -> None:
+    assert choose(FACES, which, "a.jpg") is FACES[number]
+    assert choose(FACES[:1], "only", "a.jpg") is FACES[0]
+
+
+@pytest.mark.parametrize(
+    ("which", "reason"),
+    [
+        ("only", "4 faces found; choose one with --face largest, left, right or N"),
+        (4, "no face 4; 4 found: use largest, left, right or 0 to 3"),
+        ("middle", "no face 'middle'"),
+    ],
+)
+def test_no_choice(which: str | int, reason: str) -> None:
+    with pytest.raises(FaceError, match=reason):
+        choose(FACES, which, "a.jpg")
+    with pytest.raises(FaceError, match="no face found"):
+        choose([], which, "a.jpg")
+    with pytest.raises(FaceError, match="only one found: leave --face out"):
+        choose(FACES[:1], 1, "a.jpg")
+
+
+def test_the_command_takes_them(capsys: pytest.CaptureFixture[str]) -> None:
+    """`left` reaches the photo; another word is refused before anything is read."""
+    assert main(["reconstruct", "none.jpg", "-o", "out", "--face", "left"]) == 1
+    assert "none.jpg" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["reconstruct", "none.jpg", "-o", "out", "--face", "middle"])
+    assert "write largest, left, right, or a number" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["reconstruct", "none.jpg", "-o", "out", "--face", "all"])
+    assert "`unlit batch` can do" in capsys.readouterr().err
