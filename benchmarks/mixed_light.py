@@ -119,7 +119,7 @@ def rows(name: str, subject: Known) -> list[tuple[str, ...]]:
         image = photograph(subject, make())
         capture = observe(Photo.of(image.astype(np.float32), name), SIZE, camera=subject.camera)
         white, face = one_light(capture, head)
-        mask = truth.seen & (face.mask > 0.5) & (capture.regions.eyes < 0.3)
+        mask = truth.seen & (face.face.mask > 0.5) & (capture.regions.eyes < 0.3)
         ways = {
             "one white light": white,
             "one for each channel": light_of_each_channel(capture, head),

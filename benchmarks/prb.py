@@ -74,10 +74,10 @@ def _scene(
             },
         }
     )
-    mesh = Mesh(face.vertices, face.triangles)
-    size = (face.camera.width, face.camera.height)
+    mesh = Mesh(face.face.mesh.vertices, face.face.mesh.triangles)
+    size = (face.face.camera.width, face.face.camera.height)
     # The texture's first row is v = 0 here, as `data` is not flipped.
-    uv = device(mi.Point2f, face.camera.project(face.vertices) / size)
+    uv = device(mi.Point2f, face.face.camera.project(face.face.mesh.vertices) / size)
     body = mesh_body("face", material, mesh.vertices, mesh.normals, mesh.triangles, uv)
     integrator = {"type": kind, "max_depth": depth, "hide_emitters": True}
     return mi.load_dict(
@@ -85,7 +85,7 @@ def _scene(
             "type": "scene",
             "face": body,
             "light": light,
-            "sensor": face.camera.mitsuba_sensor(samples),
+            "sensor": face.face.camera.mitsuba_sensor(samples),
             "integrator": integrator,
         }
     )
@@ -93,7 +93,7 @@ def _scene(
 
 def fit(face: Reconstruction) -> Baseline:
     """Fit albedo and light to `face.image` on the mesh of `face`."""
-    size = face.camera.width
+    size = face.face.camera.width
     grey = np.full((*_GRID, 3), 0.5, np.float32)
     light = {"type": "envmap", "bitmap": mi.Bitmap(grey)}
     start = mi.TensorXf(np.full((size, size, 3), 0.4, np.float32))
@@ -109,15 +109,15 @@ def fit(face: Reconstruction) -> Baseline:
     rows, columns, _ = parameters[light_name].shape
     texel = np.arange(rows)[:, None] * _GRID[1] + np.arange(columns)[None, :] % _GRID[1]
     texel_of = device(mi.UInt32, np.repeat(texel.ravel(), 3))
-    weights = face.regions[..., :4].reshape(-1, 4)
+    weights = face.photo.regions.weights[..., :4].reshape(-1, 4)
     weights = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-6)
     weights[weights.sum(axis=1) < 0.5] = (1, 0, 0, 0)
     regions = [device(mi.Float, np.repeat(w, 3)) for w in weights.T]
     channel = device(mi.UInt32, np.tile(np.arange(3), size * size))
-    mask = np.repeat((face.mask > 0.5).ravel(), 3)
+    mask = np.repeat((face.face.mask > 0.5).ravel(), 3)
     inside = device(mi.Float, mask / mask.sum())
-    target = encode(device(mi.Float, np.clip(face.image, 0, 1).ravel()))
-    here = (face.mask > 0.5).astype(np.float32)
+    target = encode(device(mi.Float, np.clip(face.photo.image, 0, 1).ravel()))
+    here = (face.face.mask > 0.5).astype(np.float32)
     pairs = [
         device(mi.Float, np.repeat((here[:, 1:] * here[:, :-1]).ravel(), 3)),
         device(mi.Float, np.repeat((here[1:] * here[:-1]).ravel(), 3)),
@@ -125,7 +125,7 @@ def fit(face: Reconstruction) -> Baseline:
 
     optimizer = mi.ad.Adam(lr=_RATE)
     optimizer["light"] = mi.Float(np.full(_GRID[0] * _GRID[1], np.log(0.5), np.float32))
-    colour = np.median(face.image[face.mask > 0.5], axis=0)
+    colour = np.median(face.photo.image[face.face.mask > 0.5], axis=0)
     optimizer["base"] = device(mi.Float, np.log(np.tile(np.maximum(colour, 1e-3), 4)))
     times: list[float] = []
     seed = 0

@@ -20,8 +20,8 @@ METRICS = {
 def report_head(size: int = 96) -> Reconstruction:
     """Evenly lit by 0.8: no warning applies to it."""
     head = small_head(size)
-    even = np.full_like(head.image, 0.8)
-    render = head.diffuse_albedo * even * (head.mask > 0)[..., None]
+    even = np.full_like(head.photo.image, 0.8)
+    render = head.face.maps.diffuse_albedo * even * (head.face.mask > 0)[..., None]
     settings = {"resolution": size, "stage1": {"iterations": 50}}
     return replace(
         head,

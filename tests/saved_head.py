@@ -39,7 +39,7 @@ def saved_head(place: Path) -> Saved:
         head,
         crop=crop,
         image=np.maximum(crop.image(read_photo(photo).pixels), 0),
-        mask=(head.mask * soft).astype(np.float32),
+        mask=(head.face.mask * soft).astype(np.float32),
     )
     with pytest.MonkeyPatch.context() as patch:
         save_quickly(patch)

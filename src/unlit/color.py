@@ -20,6 +20,12 @@ _KNEE_LINEAR = 0.0031308
 _KNEE_ENCODED = 0.04045
 
 
+#: A white light's colour, linear sRGB.
+WHITE = np.ones(3, dtype=np.float32)
+#: sRGB-encoded values that a photo can tell apart; below it is crushed, above it is saturated.
+UNCLIPPED = (0.004, 0.996)
+
+
 def encode_srgb(linear: Any) -> np.ndarray:
     """Encode linear sRGB, any shape, to sRGB values, float32; [0, 1] maps onto [0, 1].
 

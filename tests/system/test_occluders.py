@@ -113,11 +113,11 @@ def test_the_rest_of_the_skin_keeps_its_albedo(shared: Path, skin: str, spoil: A
     true = subject.maps.diffuse_albedo
     spoilt, where = spoil(image, capture.landmarks[:, :2], subject.mask)
     _, face = reconstructed(spoilt, subject)
-    inside = subject.mask & (whole.mask > 0.5) & (face.mask > 0.5)
+    inside = subject.mask & (whole.face.mask > 0.5) & (face.face.mask > 0.5)
     inside &= (capture.regions.eyes < 0.3) & ~ndimage.binary_dilation(where, iterations=4)
     before, after = (
         psnr(albedo * best_gain(albedo, true, inside), true, inside)
-        for albedo in (whole.diffuse_albedo, face.diffuse_albedo)
+        for albedo in (whole.face.maps.diffuse_albedo, face.face.maps.diffuse_albedo)
     )
     assert after > before - 1.0
 
@@ -129,7 +129,7 @@ def test_a_cast_shadow_is_not_painted_into_the_albedo(shared: Path) -> None:
     spoilt, where = hat(image, capture.landmarks[:, :2], subject.mask)
     capture, face = reconstructed(spoilt, subject)
     assert capture.lit is not None
-    inside = subject.mask & (face.mask > 0.5) & (capture.regions.eyebrows < 0.1)
+    inside = subject.mask & (face.face.mask > 0.5) & (capture.regions.eyebrows < 0.1)
     true, lit = subject.maps.diffuse_albedo, inside & ~where
-    gain = best_gain(face.diffuse_albedo, true, lit)
-    assert psnr(face.diffuse_albedo * gain, true, inside & where) > 22
+    gain = best_gain(face.face.maps.diffuse_albedo, true, lit)
+    assert psnr(face.face.maps.diffuse_albedo * gain, true, inside & where) > 22

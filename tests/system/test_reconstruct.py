@@ -31,8 +31,8 @@ def command(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 def error_in_encoded(face: unlit.Reconstruction) -> float:
     """Root-mean-square error of the re-rendering inside the mask, sRGB-encoded."""
-    inside = face.mask > 0.5
-    difference = encode_srgb(face.render[inside]) - encode_srgb(face.image[inside])
+    inside = face.face.mask > 0.5
+    difference = encode_srgb(face.images.render[inside]) - encode_srgb(face.photo.image[inside])
     return float(np.sqrt(np.mean(difference**2)))
 
 
@@ -67,13 +67,20 @@ def test_same_input_same_bits() -> None:
 def test_photo(shared: Path, name: str) -> None:
     """Dark, made-up, old and small faces: finite maps in range, a face that can be relit."""
     face = unlit.reconstruct(shared / f"data/photos/{name}.jpg", settings=quick())
-    inside = face.mask > 0.5
+    inside = face.face.mask > 0.5
     assert inside.mean() > 0.1
-    for image in (face.diffuse_albedo, face.specular_albedo, face.render, face.roughness):
+    for image in (
+        face.face.maps.diffuse_albedo,
+        face.face.maps.specular_albedo,
+        face.images.render,
+        face.face.maps.roughness,
+    ):
         assert np.isfinite(image).all()
         assert image.min() >= 0
-    assert face.diffuse_albedo[inside].max() <= 1.5
-    np.testing.assert_allclose(np.linalg.norm(face.specular_normal[inside], axis=1), 1, atol=1e-4)
+    assert face.face.maps.diffuse_albedo[inside].max() <= 1.5
+    np.testing.assert_allclose(
+        np.linalg.norm(face.face.normals.specular[inside], axis=1), 1, atol=1e-4
+    )
     assert face.metrics["landmark_residual"] < 0.06
     assert error_in_encoded(face) < 0.12
     # Light from the image's right lights that side of the face more than light from the left.

@@ -116,8 +116,8 @@ def _faces(photo: Photo, job: Job) -> dict[str, str | int]:
     """Where the result of each face goes, and which face it is."""
     if job.face != "all":
         return {job.name: job.face}
+    from ..perception.choose import choose
     from ..perception.landmarks import find_faces
-    from ..pipeline.chain import choose
 
     found = find_faces(photo.encoded8())
     choose(found, "largest", photo.source)  # raises where there is none
@@ -146,11 +146,11 @@ def _result(
     return Row(
         photo=job.photo,
         folder=place,
-        warnings=list(metrics.get("warnings", [])),
-        seconds={**metrics["seconds"], "writing": time.perf_counter() - start},
-        landmark_residual=metrics["landmark_residual"],
-        render_psnr=psnr(result.render, result.image, result.mask > 0.5),
-        losses={stage: pairs[-1][1] for stage, pairs in metrics["losses"].items() if pairs},
+        warnings=list(metrics.warnings),
+        seconds={**metrics.seconds, "writing": time.perf_counter() - start},
+        landmark_residual=result.head.landmark_residual,
+        render_psnr=psnr(result.images.render, result.photo.image, result.face.mask > 0.5),
+        losses={stage: pairs[-1][1] for stage, pairs in metrics.losses.items() if pairs},
     )
 
 

@@ -147,12 +147,11 @@ def reconstruct_into(
 def _check_finished(folder: Path, photo: Any, settings: Any) -> None:
     """Raise OutputError if the result in `folder` is not what is asked for: it is not replaced."""
     from ..output import load
-    from ..settings.settings import as_dict
 
     found = load(folder)
-    if (found.photo_name, found.settings) != (Path(photo.source).name, as_dict(settings)):
+    if (found.photo.name, found.settings) != (Path(photo.source).name, settings):
         raise OutputError(
-            f"{folder}: holds a finished result of {found.photo_name} and nothing to resume; leave "
+            f"{folder}: holds a finished result of {found.photo.name} and nothing to resume; leave "
             "--resume out to replace it"
         )
 
@@ -181,26 +180,26 @@ def _continue(options: argparse.Namespace) -> int:
     if named is None:
         raise SettingsError("--from-stage: name the folder of the result, as --resume DIR")
     from ..output import RESULT_FILES, edited, load, needed_bytes, reserve
-    from ..settings.settings import PRESETS, override
+    from ..settings.settings import override
 
     source, stage = Path(named), options.from_stage
     face = load(source)
     changes = {} if options.exposure is None else {"exposure": options.exposure}
-    settings = override(override(PRESETS["paper"], face.settings), changes | dict(options.set))
+    settings = override(face.settings, changes | dict(options.set))
     folder = Path(options.output or named)
     with reserve(folder, RESULT_FILES, needed_bytes(settings.resolution)) as preview:
-        from ..pipeline.resume import continued, kept_fit
+        from ..pipeline.resume import check_resumable, resume
 
-        kept_fit(face, stage, settings)
+        check_resumable(face, stage, settings)
         face, files = edited(face, source, stage)
         iterations = settings.iterations(stage - 1)
         with RunConsole(iterations) as console:
-            console.say(f"result    {source}, of {face.photo_name}, from stage {stage}")
+            console.say(f"result    {source}, of {face.photo.name}, from stage {stage}")
             pull = "; a start, on which the photo pulls again" if files else ""
             console.say(f"edited    {', '.join(files) or 'nothing'}{pull}")
             _say_settings(console, settings, preview, iterations)
             states = _States(preview)
-            result = continued(face, stage, settings, console, states)
+            result = resume(face, stage, settings, console, states)
             _save(console, result, folder, states)
     print(folder / "montage.png")
     return 0
@@ -241,10 +240,10 @@ def _save(console: Any, result: Any, folder: Path, states: _States) -> None:
     from ..report.page import report_html
     from ..report.stages import pack_stages
 
-    for name, value in result.metrics.items():
-        if isinstance(value, int | float):
-            console.say(f"{name}  {value:.4g}")
-    for warning in result.metrics.get("warnings", ()):
+    if (residual := result.head.landmark_residual) is not None:
+        console.say(f"landmark_residual  {residual:.4g}")
+    console.say(f"peak_memory_mb  {result.metrics.peak_memory_mb:.4g}")
+    for warning in result.metrics.warnings:
         console.say(f"warning  {warning}")
     pages = {
         STAGES: lambda _: pack_stages(states.taken),

@@ -17,9 +17,8 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from ..color import decode_srgb
-from ..optimize.losses import EXPOSED
-from ..optimize.problem import Evidence
+from ..color import UNCLIPPED, decode_srgb
+from ..optimize.observation import Observation
 from ..scene.camera import Camera
 from ..settings.settings import Settings
 from .first_stage import FirstLook, first_look
@@ -33,7 +32,7 @@ _DARK, _DIM = -0.45, -0.2
 _BLACK = 0.01
 #: Photo and model below which their ratio says nothing, and what a photo's white may stand for.
 _LEAST_SEEN = 1e-3
-_WHITE = float(decode_srgb(np.float32(EXPOSED[1])))
+_WHITE = float(decode_srgb(np.float32(UNCLIPPED[1])))
 #: Least diffuse shading that the model has there, where full light is 1.
 _LIT = 0.15
 #: Least share of the face, and of its border that has to lie along the outline of the face, and of
@@ -41,14 +40,16 @@ _LIT = 0.15
 _LEAST, _ALONG, _ABOVE, _MOST = 0.015, 0.33, 0.5, 0.4
 
 
-def cast_shadow(evidence: Evidence, above: np.ndarray, settings: Settings) -> np.ndarray | None:
+def cast_shadow(
+    observation: Observation, above: np.ndarray, settings: Settings
+) -> np.ndarray | None:
     """Where the photo is evidence: (S, S) float32 in [0, 1], 0 in a shadow.
 
     above: (S, S) bool, what lies above the base of the nose. None where there is no shadow, or the
     head and the mask do not overlap.
     """
     size = len(above)
-    small = _reduced(evidence)
+    small = _reduced(observation)
     above = cv2.resize(above.astype(np.uint8), small.mask.shape[::-1]) > 0
     shadow = np.zeros(small.mask.shape, dtype=bool)
     for _ in range(2):  # again with a light that the shadow has not bent
@@ -79,11 +80,11 @@ def attenuation(image: np.ndarray, render: np.ndarray, lit: np.ndarray) -> np.nd
     return np.exp(np.minimum(mean, 0) * shadow).astype(np.float32)
 
 
-def _reduced(evidence: Evidence) -> Evidence:
+def _reduced(observation: Observation) -> Observation:
     """The same at `_SIZE` pixels a side, if it is larger."""
-    camera = evidence.camera
+    camera = observation.camera
     if camera.width <= _SIZE:
-        return evidence
+        return observation
     scale = _SIZE / camera.width
 
     def small(image: np.ndarray) -> np.ndarray:
@@ -91,23 +92,23 @@ def _reduced(evidence: Evidence) -> Evidence:
         return cv2.resize(whole, (_SIZE, _SIZE), interpolation=cv2.INTER_AREA)
 
     return replace(
-        evidence,
-        image=small(evidence.image),
-        regions=small(evidence.regions),
-        mask=small(evidence.mask) > 0.5,
-        weight=small(evidence.weight),
+        observation,
+        image=small(observation.image),
+        regions=small(observation.regions),
+        mask=small(observation.mask) > 0.5,
+        weight=small(observation.weight),
         camera=Camera(_SIZE, _SIZE, camera.focal * scale, camera.cx * scale, camera.cy * scale),
-        landmarks=evidence.landmarks * scale,
+        landmarks=observation.landmarks * scale,
     )
 
 
-def shadowed(evidence: Evidence, look: FirstLook, above: np.ndarray) -> np.ndarray:
+def shadowed(observation: Observation, look: FirstLook, above: np.ndarray) -> np.ndarray:
     """(H, W) bool: the skin in the shadow of something else, given what stage 1 makes of it."""
     # A photo is no brighter than white, whatever the model would have.
-    photo, model = (np.clip(x, 0, _WHITE) + _BLACK for x in (evidence.image, look.render))
+    photo, model = (np.clip(x, 0, _WHITE) + _BLACK for x in (observation.image, look.render))
     ratio = np.log(photo / model).mean(axis=2)
     ratio = cv2.medianBlur(np.where(look.seen, ratio, 0).astype(np.float32), _SMOOTH)
-    features = evidence.regions[..., 1:4].sum(axis=2)  # lips, eyes, eyebrows
+    features = observation.regions[..., 1:4].sum(axis=2)  # lips, eyes, eyebrows
     skin = look.seen & (features < 0.5) & (look.diffuse_shading > _LIT)
     plain = skin & ~_grown(features > 0.1, _FEATURES)
     whole: Any = ndimage.binary_fill_holes(look.seen)

@@ -10,8 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ..optimize.problem import Evidence, Problem, Shading
-from ..optimize.stages import exposed, stage1, start
+from ..face.gain import AlbedoGain
+from ..optimize.observation import Observation
+from ..optimize.problem import Problem
+from ..optimize.shading import Shading
+from ..optimize.stage1_base_color import stage1
+from ..optimize.stage_run import with_unit_light
+from ..optimize.stages import start
 from ..scene.cells import grid_cells, refine
 from ..scene.lobes import CellRadiance
 from ..settings.settings import Settings
@@ -33,21 +38,21 @@ class FirstLook:
     seen: np.ndarray
 
 
-def first_look(evidence: Evidence, settings: Settings) -> FirstLook:
+def first_look(observation: Observation, settings: Settings) -> FirstLook:
     """Stage 1 cut short. Raises ValueError when the mesh and the mask do not overlap."""
     short = replace(settings, stage1=replace(settings.stage1, iterations=_ITERATIONS))
-    problem = Problem(evidence, short, lambda *_: None)
+    problem = Problem(observation, short, AlbedoGain(), lambda *_: None)
     cells = grid_cells(short.cell_rows, short.cell_columns)
     shading = Shading(problem, cells)
-    with threadpool_limits(1, user_api="blas"):  # as in `pipeline.solve`
-        estimate = exposed(problem, stage1(problem, start(problem), shading), shading)
+    with threadpool_limits(1, user_api="blas"):  # as in `optimize/solve.py`
+        estimate = with_unit_light(problem, stage1(problem, start(problem), shading), shading)
     light = estimate.light()
     shading = shading.under(refine(cells, light.rasterize(), limit=short.max_cells))
     radiance = CellRadiance(shading.cells).of(light)
     maps = problem.maps(estimate)
     shading.update(radiance, maps)
     e, s = (problem.image(part, "zero") for part in shading.shade(radiance))
-    seen = np.zeros(evidence.mask.shape, dtype=bool)
+    seen = np.zeros(observation.mask.shape, dtype=bool)
     seen.ravel()[problem.pixel] = True
     render = maps.diffuse_albedo * e + maps.specular_albedo[..., None] * s
     return FirstLook(e.mean(axis=2), s.mean(axis=2), render, seen)

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..color import decode_srgb, encode_srgb, is_white
+from ..color import WHITE, decode_srgb, encode_srgb, is_white
 from ..errors import SettingsError
 from ..photo.photo import Photo
 
-WHITE = np.ones(3, dtype=np.float32)
 AUTO = "auto"
 #: A number as people write it in an option.
 NUMBER = r"\d+(?:\.\d+)?"

@@ -20,10 +20,12 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from ..optimize.problem import Evidence
+from ..color import WHITE
+from ..face.conditions import LightEstimate
+from ..optimize.observation import Observation
 from ..settings.settings import Settings
 from .first_stage import first_look
-from .illuminant import HIGHEST, LOWEST, WHITE, of_temperature
+from .illuminant import HIGHEST, LOWEST, of_temperature
 
 # Lengths for a crop of 256 pixels. Slopes are of what is left when means over _SPREAD are taken
 # away; pixels nearer than _MARGIN to what is no plain skin are left out; image and model are
@@ -55,36 +57,33 @@ class Slopes:
     body: np.ndarray
 
 
-def estimated_color(evidence: Evidence, settings: Settings) -> tuple[np.ndarray, dict[str, float]]:
-    """The light's colour (3,), and what was found, for metrics.json.
-
-    White where the evidence does not tell the light from white. kelvin: the likeliest temperature;
-    low, high: one deviation about it; excess: squared deviations by which white is less likely;
-    used: whether it was taken.
-    """
+def estimated_color(
+    observation: Observation, settings: Settings
+) -> tuple[np.ndarray, LightEstimate]:
+    """The light's colour (3,): white where the evidence does not tell it from white."""
     try:
-        look = first_look(evidence, settings)
+        look = first_look(observation, settings)
     except ValueError:  # the head and the mask do not overlap: `solve` says so
-        return WHITE.copy(), {"used": False}
+        return WHITE.copy(), LightEstimate(used=False)
     e, s = look.diffuse_shading, look.specular_shading
-    found = slopes(evidence.image, e, s, _plain_skin(evidence) & (e > _DARKEST))
+    found = slopes(observation.image, e, s, _plain_skin(observation) & (e > _DARKEST))
     if found is None:
-        return WHITE.copy(), {"used": False}
+        return WHITE.copy(), LightEstimate(used=False)
     mired, deviation, excess = most_likely(found)
     told = abs(mired - _DAYLIGHT) > _DIFFERENT and excess > _TOLD
-    about: dict[str, float] = {
-        "kelvin": 1e6 / mired,
-        "low": 1e6 / (mired + deviation),
-        "high": 1e6 / max(mired - deviation, 1e6 / HIGHEST),
-        "excess": excess,
-        "used": told,
-    }
+    about = LightEstimate(
+        used=bool(told),
+        kelvin=float(1e6 / mired),
+        low=float(1e6 / (mired + deviation)),
+        high=float(1e6 / max(mired - deviation, 1e6 / HIGHEST)),
+        excess=float(excess),
+    )
     return (of_temperature(1e6 / mired) if told else WHITE.copy()), about
 
 
-def _plain_skin(evidence: Evidence) -> np.ndarray:
+def _plain_skin(observation: Observation) -> np.ndarray:
     """(H, W) bool: skin, with a margin to everything else."""
-    skin = evidence.mask & (evidence.regions[..., 0] > 0.9)
+    skin = observation.mask & (observation.regions[..., 0] > 0.9)
     reach = max(1, round(_MARGIN * len(skin) / _SIZE))
     return np.asarray(ndimage.binary_erosion(skin, np.ones((3, 3)), iterations=reach))
 

@@ -197,7 +197,7 @@ def plain(row: Row) -> dict[str, Any]:
         "variant": row.variant,
         "relit": [{"light": cell.light, "metrics": cell.metrics} for cell in row.relit],
         "maps": row.maps,
-        "seconds": row.face.metrics["seconds"],
+        "seconds": row.face.metrics.seconds,
     }
 
 

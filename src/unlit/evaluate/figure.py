@@ -69,11 +69,11 @@ def result_sheet(subject: Known, rows: list[Row]) -> np.ndarray:
                 ("truth", encoded(relit.truth * inside)),
                 ("4 x error", bytes_of(4 * difference * inside)),
             ]
-        albedo = row.face.diffuse_albedo * row.maps["albedo_gain"]
+        albedo = row.face.face.maps.diffuse_albedo * row.maps["albedo_gain"]
         line += [
             ("diffuse albedo", encoded(albedo * inside)),
             ("truth", encoded(truth.diffuse_albedo * inside)),
-            ("normals", normals(row.face.specular_normal * inside)),
+            ("normals", normals(row.face.face.normals.specular * inside)),
             ("truth", normals(truth.normal * inside)),
         ]
         lines.append(line)

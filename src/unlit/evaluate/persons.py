@@ -30,8 +30,8 @@ def consistency(faces: list[Reconstruction]) -> dict[str, Any]:
 
     Raises FaceError if the meshes differ, or fewer than 200 points are seen in all photos.
     """
-    triangles = faces[0].triangles
-    if any(not np.array_equal(face.triangles, triangles) for face in faces[1:]):
+    triangles = faces[0].face.mesh.triangles
+    if any(not np.array_equal(face.face.mesh.triangles, triangles) for face in faces[1:]):
         raise FaceError("the results have different head models; reconstruct them with one")
     seen = np.ones(len(triangles) * len(_POINTS), dtype=bool)
     albedos, photos, areas = [], [], []
@@ -39,8 +39,8 @@ def consistency(faces: list[Reconstruction]) -> dict[str, Any]:
         xy, area, visible = _points(face)
         seen &= visible
         areas.append(area)
-        albedos.append(_sampled(face.diffuse_albedo, xy))
-        photos.append(_sampled(face.image, xy))
+        albedos.append(_sampled(face.face.maps.diffuse_albedo, xy))
+        photos.append(_sampled(face.photo.image, xy))
     if seen.sum() < _FEWEST:
         raise FaceError("the photos have too little of the face in common; use nearer views")
     weight = np.mean(areas, axis=0)[seen]
@@ -48,7 +48,7 @@ def consistency(faces: list[Reconstruction]) -> dict[str, Any]:
     for i, j in combinations(range(len(faces)), 2):
         pairs.append(
             {
-                "photos": [faces[i].photo_name, faces[j].photo_name],
+                "photos": [faces[i].photo.name, faces[j].photo.name],
                 "albedo_psnr": _alike(albedos[i][seen], albedos[j][seen], weight),
                 "photo_psnr": _alike(photos[i][seen], photos[j][seen], weight),
             }
@@ -62,16 +62,18 @@ def consistency(faces: list[Reconstruction]) -> dict[str, Any]:
 
 def _points(face: Reconstruction) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of the points on all triangles: pixels (N, 2), areas of the triangles (N,), whether seen."""
-    corners = face.vertices[face.triangles].astype(np.float64)
+    corners = face.face.mesh.vertices[face.face.mesh.triangles].astype(np.float64)
     points = np.einsum("pk,fkc->fpc", _POINTS, corners).reshape(-1, 3)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.repeat(np.linalg.norm(normal, axis=1), len(_POINTS))
-    xy = face.camera.project(points)
-    nearest = np.clip(np.floor(xy).astype(int), 0, np.array([face.camera.width - 1] * 2))
+    xy = face.face.camera.project(points)
+    nearest = np.clip(np.floor(xy).astype(int), 0, np.array([face.face.camera.width - 1] * 2))
     column, row = nearest.T
-    position, _ = visible_surface(face.vertices, face.triangles, face.camera)
-    inside = ((xy >= 0) & (xy < face.camera.width)).all(axis=1)
-    inside &= face.mask[row, column] > 0.5
+    position, _ = visible_surface(
+        face.face.mesh.vertices, face.face.mesh.triangles, face.face.camera
+    )
+    inside = ((xy >= 0) & (xy < face.face.camera.width)).all(axis=1)
+    inside &= face.face.mask[row, column] > 0.5
     behind = position[row, column, 2] - points[:, 2]
     return xy, area, inside & (behind < _HIDDEN)
 

@@ -17,19 +17,14 @@ import numpy as np
 
 from ..color import encode_srgb
 from ..errors import SubjectError
+from ..face.head import FittedHead
 from ..face.reconstruction import Reconstruction
 from ..head.library import head_model, model_key
 from ..head.model import HeadModel
 from ..optimize.problem import Progress
+from ..optimize.run_record import RunRecord
 from ..photo.photo import Photo
-from ..pipeline.chain import (
-    Head,
-    fitted_head,
-    observe,
-    solve,
-    with_light_color,
-    without_cast_shadow,
-)
+from ..pipeline.chain import run_chain, steps_of
 from ..render.relighter import traced
 from ..settings.settings import Settings, as_dict
 from ..storage.keys import RECONSTRUCTION, RENDERING, code, key
@@ -177,7 +172,7 @@ class Study:
     ) -> Row:
         step = self._step(shot, settings, variant)
         face = self.face(shot, settings, variant)
-        mask = (face.mask > 0.5) & self.subject.truth.seen
+        mask = (face.face.mask > 0.5) & self.subject.truth.seen
         relit = tuple(self._relit(step, face, mask, other) for other in shots)
         maps = self.store.values(
             f"{step[0]}-maps",
@@ -223,20 +218,18 @@ class Study:
         return Relit(light.name, image, shot.image, metrics)
 
     def _reconstruct(self, name: str, photo: np.ndarray, settings: Settings) -> Reconstruction:
-        source = Photo.of(photo, name)
-        with self.running(name) as progress:
-            capture = observe(source, settings.resolution, "largest", camera=self.subject.camera)
-            head = (
-                Head.of_mesh(*self.subject.mesh())
-                if self.true_mesh
-                else fitted_head(capture, self._head)
+        source, camera = Photo.of(photo, name), self.subject.camera
+        steps = steps_of(source, self._head, "largest", camera=camera)
+        if self.true_mesh:
+            mesh = self.subject.mesh()
+            steps = replace(
+                steps, fit_head=lambda seen, _: FittedHead.of_mesh(*mesh, seen.landmarks)
             )
-            capture = with_light_color(capture, head, source, settings)
-            capture = without_cast_shadow(capture, head, settings)
-            return solve(capture, head, settings, progress)
+        with self.running(name) as progress:
+            return run_chain(steps, settings, RunRecord(progress))
 
     def _relight(self, face: Reconstruction, environment: np.ndarray) -> np.ndarray:
-        return traced(face, environment, self.samples, 2 * self.seed + _RELIT)
+        return traced(face.face, environment, self.samples, 2 * self.seed + _RELIT)
 
 
 def _photo(shot: Shot) -> np.ndarray:
@@ -252,9 +245,11 @@ def map_errors(face: Reconstruction, subject: Known, mask: np.ndarray) -> dict[s
     the plain mesh. Mesh: mm to the true surface after a rigid alignment.
     """
     truth = subject.truth
-    gain = best_gain(face.diffuse_albedo, truth.diffuse_albedo, mask)
-    points, normals = visible_surface(face.vertices, face.triangles, face.camera)
-    ours, true = face.specular_albedo[mask], truth.specular_albedo[mask]
+    gain = best_gain(face.face.maps.diffuse_albedo, truth.diffuse_albedo, mask)
+    points, normals = visible_surface(
+        face.face.mesh.vertices, face.face.mesh.triangles, face.face.camera
+    )
+    ours, true = face.face.maps.specular_albedo[mask], truth.specular_albedo[mask]
     constant = min(ours.std(), true.std()) < 1e-6
     step = max(1, mask.sum() // _POINTS)
     distance = surface_distance(
@@ -263,11 +258,11 @@ def map_errors(face: Reconstruction, subject: Known, mask: np.ndarray) -> dict[s
     return {
         "share_of_crop": float(mask.mean()),
         "albedo_gain": gain,
-        "albedo_psnr_raw": psnr(face.diffuse_albedo, truth.diffuse_albedo, mask),
-        "albedo_psnr": psnr(face.diffuse_albedo * gain, truth.diffuse_albedo, mask),
+        "albedo_psnr_raw": psnr(face.face.maps.diffuse_albedo, truth.diffuse_albedo, mask),
+        "albedo_psnr": psnr(face.face.maps.diffuse_albedo * gain, truth.diffuse_albedo, mask),
         "specular_level": float(np.median(ours) / max(float(np.median(true)), 1e-6)),
         "specular_correlation": None if constant else float(np.corrcoef(ours, true)[0, 1]),
-        "normal_degrees": angle(face.specular_normal, truth.normal, mask),
+        "normal_degrees": angle(face.face.normals.specular, truth.normal, mask),
         "mesh_normal_degrees": angle(normals, truth.normal, mask),
         "mesh_mm": {name: 10 * value for name, value in distance.items()},
     }

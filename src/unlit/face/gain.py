@@ -1,10 +1,11 @@
-"""The gain that albedo and light share: its user may tell what the photo hardly does.
+"""The one gain that albedo and light share: its user may tell what the photo hardly does.
 
 Albedo times g and light divided by g give the same picture but for what the face reflects onto
 itself. The stages hold both as if the photo were exposed for a white card on the face
-(`optimize.stages.exposed`); inter-reflection, and the finished estimate, take albedo times the gain
-that is found here: by what is known, the albedo of a patch, or of the whole skin, or the
-illuminance that was measured where the face is lit best, or else a convention (docs/method.md, 9).
+(`with_unit_light` in optimize/stage_run.py); inter-reflection, and the finished estimate, take
+albedo times the gain that is found here: by what is known, the albedo of a patch, or of the whole
+skin, or the illuminance that was measured where the face is lit best, or else a convention
+(docs/method.md, 9).
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ import numpy as np
 from ..color import luminance
 from ..conditions.illuminant import AUTO, NUMBER
 from ..errors import SettingsError
-from ..photo.crop import Crop
+from .conditions import Conditions
+from .photo import FacePhoto
 
 #: The gain by convention. The photo's brightest skin is no white card: the palest returns some 0.7
 #: of the light.
@@ -57,31 +59,9 @@ def parse(text: str) -> Known:
     return known
 
 
-def patch(known: Known, crop: Crop, inside: np.ndarray, skin: np.ndarray) -> np.ndarray:
-    """The pixels (S, S) bool whose albedo is known. Raises SettingsError if none is measured.
-
-    inside: (S, S) bool, where the maps are measured; skin: (S, S) the soft mask.
-    """
-    if known.at is None:
-        found = inside & (skin > 0.5)
-        if known.albedo is not None and not found.any():
-            raise SettingsError("exposure: no bare skin was found; give a pixel as X,Y=ALBEDO")
-        return found
-    x, y = crop.points(known.at)
-    size = crop.resolution
-    ys, xs = np.mgrid[0:size, 0:size] + 0.5
-    found = inside & (np.hypot(xs - x, ys - y) <= max(1.0, _PATCH * size))
-    if not found.any():
-        raise SettingsError(
-            f"exposure: the photo's pixel {known.at[0]:g},{known.at[1]:g} is outside the photo or "
-            "not on the face that is measured; choose one on bare skin"
-        )
-    return found
-
-
-def check_unit(known: Known, unit: float | None) -> None:
-    """Raise SettingsError where lux are given and the photo has no unit (`Photo.unit`)."""
-    if known.lux is not None and unit is None:
+def check_unit(known: Known, white_luminance: float | None) -> None:
+    """Raise SettingsError where lux are given and the photo tells no luminance."""
+    if known.lux is not None and white_luminance is None:
         raise SettingsError(
             f"exposure={known.lux:g}lux: the photo does not tell its exposure time, f-number and "
             "ISO speed; give an albedo instead"
@@ -104,19 +84,74 @@ def within_one(albedo: np.ndarray) -> float:
     return 1 / max(float(np.percentile(albedo.max(axis=1), 99.9)), 1e-6)
 
 
-def conventional_gain(albedo: np.ndarray) -> float:
-    """The gain of albedo (N, 3) of which nothing is known."""
-    return min(CONVENTION, within_one(albedo))
+class AlbedoGain:
+    """The gain of one photo: by what is known of it, or by convention.
 
-
-def gain(known: Known, albedo: np.ndarray, full: float = 1.0, unit: float | None = None) -> float:
-    """What albedo is to be multiplied with, and light divided by.
-
-    albedo: (N, 3) diffuse, of the patch. full: `full_light` of the face, and unit: `Photo.unit`,
-    both for lux alone. Raises ValueError if nothing is known.
+    known: by the user. photo: whose skin is meant; None where nothing is known. conditions: colour
+    of its light, and shadows, in which no albedo is measured. Raises SettingsError where lux are
+    given and the photo tells no luminance.
     """
-    if known.albedo is not None:
-        return known.albedo / float(luminance(albedo).mean())
-    if known.lux is None or unit is None:
-        raise ValueError("neither an albedo nor an illuminance in a known unit")
-    return np.pi * full * unit / known.lux
+
+    def __init__(
+        self,
+        known: Known | None = None,
+        photo: FacePhoto | None = None,
+        conditions: Conditions | None = None,
+    ) -> None:
+        self.known = known or Known()
+        if photo is None or conditions is None:
+            return
+        check_unit(self.known, photo.white_luminance)
+        self._photo, self._conditions = photo, conditions
+
+    def patch(self, inside: np.ndarray) -> np.ndarray:
+        """The pixels (S, S) bool whose albedo is known; `inside`: where the maps are measured.
+
+        Raises SettingsError if there are none.
+        """
+        known, photo = self.known, self._photo
+        if (visibility := self._conditions.visibility) is not None:
+            inside = inside & (visibility > 0.5)
+        if known.at is None:
+            found = inside & (photo.regions.skin > 0.5)
+            if known.albedo is not None and not found.any():
+                raise SettingsError("exposure: no bare skin was found; give a pixel as X,Y=ALBEDO")
+            return found
+        x, y = photo.crop.points(known.at)
+        size = photo.crop.resolution
+        ys, xs = np.mgrid[0:size, 0:size] + 0.5
+        found = inside & (np.hypot(xs - x, ys - y) <= max(1.0, _PATCH * size))
+        if not found.any():
+            raise SettingsError(
+                f"exposure: the photo's pixel {known.at[0]:g},{known.at[1]:g} is outside the photo "
+                "or not on the face that is measured; choose one on bare skin"
+            )
+        return found
+
+    def during_stages(self, albedo: np.ndarray, inside: np.ndarray) -> float:
+        """What makes the stages' albedo (S, S, 3) the skin's, for inter-reflection.
+
+        There the best-lit skin has E = 1 before the light's colour. inside: (S, S) bool, where
+        there are maps.
+        """
+        if self.known == Known():
+            return min(CONVENTION, within_one(albedo[inside]))
+        full = float(luminance(self._conditions.light_color))
+        gain = self._of(albedo, full, inside)
+        # A measured illuminance may be wrong by any factor.
+        return gain if self.known.lux is None else min(gain, within_one(albedo[inside]))
+
+    def of_result(self, albedo: np.ndarray, e: np.ndarray, inside: np.ndarray) -> float:
+        """The result's gain; e: (S, S, 3) its exact diffuse shading under white light."""
+        if self.known == Known():
+            return self.during_stages(albedo, inside)
+        full = full_light(e[inside] * self._conditions.light_color)
+        return self._of(albedo, full, inside)
+
+    def _of(self, albedo: np.ndarray, full: float, inside: np.ndarray) -> float:
+        patch, known, unit = self.patch(inside), self.known, self._photo.white_luminance
+        if known.albedo is not None:
+            return known.albedo / float(luminance(albedo[patch]).mean())
+        if known.lux is None or unit is None:
+            raise ValueError("neither an albedo nor an illuminance in a known unit")
+        return np.pi * full * unit / known.lux

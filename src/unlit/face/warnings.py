@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..color import encode_srgb
+from ..color import UNCLIPPED, encode_srgb
 from ..conditions import illuminant
-from ..optimize.losses import EXPOSED
-from ..settings.settings import Settings
+from .conditions import LightEstimate
 from .reconstruction import Reconstruction
 
 _SHADOW = 0.1  # of the strongest light on the face, which is 1 by convention
@@ -22,30 +21,30 @@ _ENLARGED = 1.1
 _RESIDUAL = 0.055
 
 
-def findings(r: Reconstruction) -> list[str]:
+def warnings(r: Reconstruction) -> tuple[str, ...]:
     """The warnings kept in metrics.json, printed and shown; empty where nothing was found."""
-    inside = r.mask > 0
+    inside = r.face.mask > 0
     if not inside.any():
-        return ["No pixel was measured: the face is hidden or was not found."]
-    photo = encode_srgb(r.image[inside])
+        return ("No pixel was measured: the face is hidden or was not found.",)
+    photo = encode_srgb(r.photo.image[inside])
+    diffuse = r.face.maps.diffuse_albedo
     # As in the stages: the best-lit skin has E = 1, and the light no colour.
-    albedo = r.diffuse_albedo / np.float32(r.gain)
-    shading = r.diffuse_shading * np.float32(r.gain) / r.light.color
-    bound = r.settings.get("max_diffuse")
-    bound = bound if isinstance(bound, float) else Settings.max_diffuse
-    found = [
+    albedo = diffuse / np.float32(r.gain)
+    shading = r.images.diffuse_shading * np.float32(r.gain) / r.light.color
+    visibility = r.conditions.visibility
+    found = (
         _shadowed(_share(shading[inside].mean(axis=1) < _SHADOW)),
-        "" if r.lit is None else _cast_shadow(_share(r.lit[inside] < 0.5)),
-        _saturated(_share((photo >= EXPOSED[1]).any(axis=1))),
-        _crushed(_share((photo <= EXPOSED[0]).all(axis=1))),
-        _impossible(_share((r.diffuse_albedo[inside] > 1).any(axis=1))),
-        _at_bound(_share((albedo[inside] >= _NEAR * bound).any(axis=1))),
-        _small(r, inside),
-        _misfit(r.metrics.get("landmark_residual")),
-        _light_color(r.metrics.get("light_color")),
+        "" if visibility is None else _cast_shadow(_share(visibility[inside] < 0.5)),
+        _saturated(_share((photo >= UNCLIPPED[1]).any(axis=1))),
+        _crushed(_share((photo <= UNCLIPPED[0]).all(axis=1))),
+        _impossible(_share((diffuse[inside] > 1).any(axis=1))),
+        _at_bound(_share((albedo[inside] >= _NEAR * r.settings.max_diffuse).any(axis=1))),
+        _small(r.photo.crop.scale, inside),
+        _misfit(r.head.landmark_residual),
+        _light_color(r.conditions.light_estimate),
         _card(r),
-    ]
-    return [sentence for sentence in found if sentence]
+    )
+    return tuple(sentence for sentence in found if sentence)
 
 
 def _share(where: Any) -> float:
@@ -106,19 +105,19 @@ def _at_bound(share: float) -> str:
     )
 
 
-def _small(r: Reconstruction, inside: np.ndarray) -> str:
+def _small(scale: float, inside: np.ndarray) -> str:
     columns = np.flatnonzero(inside.any(axis=0))
-    width = (columns[-1] - columns[0] + 1) / r.crop.scale
-    if r.crop.scale < _ENLARGED:
+    width = (columns[-1] - columns[0] + 1) / scale
+    if scale < _ENLARGED:
         return ""
     return (
         f"Small face: it is some {width:.0f} pixels wide in the photo, which was enlarged "
-        f"{r.crop.scale:.1f} times. The maps hold no finer detail than that."
+        f"{scale:.1f} times. The maps hold no finer detail than that."
     )
 
 
-def _misfit(residual: Any) -> str:
-    if not isinstance(residual, int | float) or residual <= _RESIDUAL:
+def _misfit(residual: float | None) -> str:
+    if residual is None or residual <= _RESIDUAL:
         return ""
     return (
         f"Large landmark residual: the fitted head misses the landmarks by {residual:.1%} of the "
@@ -127,12 +126,12 @@ def _misfit(residual: Any) -> str:
 
 
 def _card(r: Reconstruction) -> str:
-    card = illuminant.parse(str(r.settings.get("light_color", "white"))).card
+    card = illuminant.parse(r.settings.light_color).card
     if card is None:
         return ""
-    column, row = np.floor(r.crop.points(card)).astype(int)
-    height, width = r.mask.shape
-    if not (0 <= row < height and 0 <= column < width and r.mask[row, column] > 0):
+    column, row = np.floor(r.photo.crop.points(card)).astype(int)
+    height, width = r.face.mask.shape
+    if not (0 <= row < height and 0 <= column < width and r.face.mask[row, column] > 0):
         return ""
     return (
         f"Grey card: the photo's pixel {card[0]:g},{card[1]:g} lies on the face, and skin is not "
@@ -140,14 +139,13 @@ def _card(r: Reconstruction) -> str:
     )
 
 
-def _light_color(found: Any) -> str:
-    if not isinstance(found, dict):
+def _light_color(found: LightEstimate | None) -> str:
+    if found is None:
         return ""
-    kelvin, low, high = (found.get(name) for name in ("kelvin", "low", "high"))
-    if not all(isinstance(value, int | float) for value in (kelvin, low, high)):
+    if found.kelvin is None:
         return "Light's colour: too little plain skin to tell it; it was taken for white."
-    seen = f"the gloss of the skin says {kelvin:.0f} K ({low:.0f} to {high:.0f})"
-    if not found.get("used"):
+    seen = f"the gloss of the skin says {found.kelvin:.0f} K ({found.low:.0f} to {found.high:.0f})"
+    if not found.used:
         return f"Light's colour: {seen}, which is not told from white; it was taken for white."
     return (
         f"Light's colour: {seen}, and the albedo was corrected for it. A grey card in the photo "

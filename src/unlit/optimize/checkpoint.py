@@ -24,7 +24,11 @@ from ..settings.settings import TABLE_1, Settings, as_dict
 from ..storage.arrays import Kind, check_indices, read_checked
 from ..storage.folder import write_one
 from ..storage.keys import RECONSTRUCTION, code, key
-from .problem import Estimate, Evidence, Problem, Shading
+from .estimate import Estimate
+from .observation import Observation
+from .problem import Problem
+from .run_record import RunRecord
+from .shading import Shading
 from .stages import Begin
 
 mi = mitsuba()
@@ -83,51 +87,46 @@ class Checkpoint:
             what = _difference(self._about["identity"], self._identity)
             raise OutputError(f"{self.path.parent}: its unfinished run is of {what}; {_REMEDY}")
 
-    def begin(self, problem: Problem, seconds: dict[str, float]) -> Begin | None:
+    def begin(self, problem: Problem, run: RunRecord) -> Begin | None:
         """Where to go on, with the problem's mesh put there; None: from the start.
 
-        seconds: by step, to which those of the earlier run are added. Raises OutputError.
+        run: to which the seconds of the earlier run are added. Raises OutputError.
         """
-        seen = self._identity["evidence"] = _evidence_key(problem.evidence)
+        seen = self._identity["observation"] = _observation_key(problem.observation)
         if not self._about:
             self.discard()
             return None
-        if self._about["evidence"] != seen:
+        if self._about["observation"] != seen:
             raise OutputError(
                 f"{self.path.parent}: in its unfinished run another face or head was found; "
                 f"{_REMEDY}"
             )
-        sizes = {"P": len(problem), "V": len(problem.evidence.vertices)}
+        sizes = {"P": len(problem), "V": len(problem.observation.vertices)}
         found, _ = read_checked(self.path, _KINDS, sizes, remedy=_REMEDY)
         triangle = found.pop("triangle")
-        check_indices(self.path, "triangle", triangle, len(problem.evidence.triangles))
+        check_indices(self.path, "triangle", triangle, len(problem.observation.triangles))
         cells = Cells(found.pop("cell_theta"), found.pop("cell_phi"))
         names = ("diffuse_normal", "specular_normal")
         diffuse, specular = (device(mi.Vector3f, found.pop(name)) for name in names)
         estimate = Estimate.of(found)
-        problem.history = self._about["losses"]
         for name, value in self._about["seconds"].items():
-            seconds[name] = seconds.get(name, 0.0) + value
+            run.seconds[name] = run.seconds.get(name, 0.0) + value
         if self.stage >= 3:
             problem.place(estimate.vertices, triangle)
         # Stage 2 has the cells refined for what stage 1 has found.
-        return Begin(self.stage, estimate, cells if self.stage >= 2 else None, (diffuse, specular))
+        cells = cells if self.stage >= 2 else None
+        return Begin(self.stage, estimate, cells, (diffuse, specular), self._about["losses"])
 
     def keep(
-        self,
-        stage: str,
-        problem: Problem,
-        estimate: Estimate,
-        shading: Shading,
-        seconds: dict[str, float],
+        self, stage: str, problem: Problem, estimate: Estimate, shading: Shading, run: RunRecord
     ) -> None:
         """Put the end of `stage` in the place of what the file held. Raises OutputError."""
         about = {
             "stage": 1 + list(TABLE_1).index(stage),
-            "identity": {k: v for k, v in self._identity.items() if k != "evidence"},
-            "evidence": self._identity["evidence"],
-            "losses": problem.history,
-            "seconds": seconds,
+            "identity": {k: v for k, v in self._identity.items() if k != "observation"},
+            "observation": self._identity["observation"],
+            "losses": run.losses,
+            "seconds": run.seconds,
         }
         arrays = {
             **estimate.arrays(),
@@ -155,11 +154,9 @@ class Checkpoint:
             self.path.unlink(missing_ok=True)
 
 
-def _evidence_key(evidence: Evidence) -> str:
-    arrays = (
-        getattr(evidence, name) for name in ("image", "regions", "weight", "vertices", "triangles")
-    )
-    return key(*arrays, evidence.landmarks, vars(evidence.camera))
+def _observation_key(seen: Observation) -> str:
+    names = ("image", "regions", "weight", "vertices", "triangles", "landmarks")
+    return key(*(getattr(seen, name) for name in names), vars(seen.camera))
 
 
 _DAMAGE = (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
@@ -180,7 +177,7 @@ def _read_about(path: Path) -> dict[str, Any]:
                 "photo": [str(name), str(content)],
                 "settings": {str(name): str(v) for name, v in identity["settings"].items()},
             },
-            "evidence": str(about["evidence"]),
+            "observation": str(about["observation"]),
             "losses": {
                 str(name): [(int(i), float(loss)) for i, loss in pairs]
                 for name, pairs in about["losses"].items()

@@ -12,6 +12,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
+from ..color import UNCLIPPED
 from ..machine.runtime import mitsuba
 from ..scene.arrays import device
 
@@ -24,17 +25,13 @@ def encode(linear: Any) -> Any:
     return dr.select(linear <= 0.0031308, 12.92 * linear, 1.055 * dr.power(linear, 1 / 2.4) - 0.055)
 
 
-#: Encoded values that a photo can tell apart; below it is crushed, above it is saturated.
-EXPOSED = (0.004, 0.996)
-
-
 def censored(encoded: Any) -> Any:
-    """Encoded colours as the photo would record them: clipped to EXPOSED.
+    """Encoded colours as the photo would record them: clipped to UNCLIPPED.
 
     Comparing censored values on both sides leaves saturated and crushed pixels out of the loss
     as long as the render is saturated or crushed there too, and only so long.
     """
-    return dr.clip(encoded, *EXPOSED)
+    return dr.clip(encoded, *UNCLIPPED)
 
 
 def image_l1(render: Any, target: Any, weight: Any) -> Any:

@@ -33,7 +33,6 @@ from scipy.spatial import KDTree
 
 from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba
-from ..render.relighter import maps_of
 from ..scene.mesh import Mesh, surface
 from .geometry import Welded, welded
 from .parts import EYES, INSIDE, SKIN, parts
@@ -91,7 +90,7 @@ def bake(reconstruction: Reconstruction, size: int) -> Atlas:
     """The maps of `reconstruction` in `size` x `size` texels of its texture layout."""
     r = reconstruction
     mesh = welded(r)
-    part = parts(r.vertices, r.triangles, r.triangle_uv)
+    part = parts(r.face.mesh.vertices, r.face.mesh.triangles, r.face.mesh.triangle_uv)
     texels = _texels(mesh, size)
     texel_part = part[texels.triangle]
     values = np.zeros((size * size, 9), dtype=np.float32)
@@ -108,7 +107,7 @@ def bake(reconstruction: Reconstruction, size: int) -> Atlas:
     part_image[texels.index] = texel_part
     grid, levels = values.reshape(size, size, 9), level.reshape(size, size)
     where = part_image.reshape(size, size)
-    axis = _mirror_axis(r.uv, r.triangle_uv[part == SKIN])
+    axis = _mirror_axis(r.face.mesh.uv, r.face.mesh.triangle_uv[part == SKIN])
     if axis is not None:
         _mirror(grid, levels, where == SKIN, axis)
     _diffuse(grid, levels, where, texels, mesh, part)
@@ -198,31 +197,40 @@ class _Photo:
     """The image-space maps and the surface that each pixel of the crop shows."""
 
     def __init__(self, r: Reconstruction, part: np.ndarray) -> None:
-        self.camera = r.camera
-        pixels = r.camera.width * r.camera.height
-        mesh = Mesh(r.vertices, r.triangles)
-        hits = mesh.camera_hits(r.camera)
+        self.camera = r.face.camera
+        pixels = r.face.camera.width * r.face.camera.height
+        mesh = Mesh(r.face.mesh.vertices, r.face.mesh.triangles)
+        hits = mesh.camera_hits(r.face.camera)
         pixel = hits.pixel.numpy()
-        at, normal, _ = surface(r.camera, hits, mesh.vertices, mesh.normals, mesh.triangles)
+        at, normal, _ = surface(r.face.camera, hits, mesh.vertices, mesh.normals, mesh.triangles)
         self.point = np.full((pixels, 3), 1e6, dtype=np.float32)  # nowhere near
         self.normal = np.zeros((pixels, 3), dtype=np.float32)
         self.point[pixel], self.normal[pixel] = at.numpy().T, normal.numpy().T
         shown = np.full(pixels, 255, dtype=np.uint8)
         shown[pixel] = part[hits.triangle.numpy()]
-        region = r.regions.reshape(pixels, -1)
+        region = r.photo.regions.weights.reshape(pixels, -1)
         eye, lip = region[:, _EYE] > 0.5, region[:, _LIP] > 0.5
         fits = {SKIN: ~eye, EYES: eye, INSIDE: lip}
         self.shows = np.stack([(shown == kind) & fits[kind] for kind in fits], axis=1)
-        measured = r.mask > 0 if r.lit is None else (r.mask > 0) & (r.lit > 0.5)
+        measured = (
+            r.face.mask > 0
+            if r.conditions.visibility is None
+            else (r.face.mask > 0) & (r.conditions.visibility > 0.5)
+        )
         self.shows &= measured.ravel()[:, None]
-        maps = maps_of(r)
+        maps = r.face.maps
         positive = np.concatenate(
-            [r.diffuse_albedo, r.specular_albedo[..., None], r.roughness[..., None]], axis=-1
+            [
+                r.face.maps.diffuse_albedo,
+                r.face.maps.specular_albedo[..., None],
+                r.face.maps.roughness[..., None],
+            ],
+            axis=-1,
         )
         self.maps = np.concatenate(
             [
                 np.log(np.maximum(positive, _DARKEST)),
-                r.perturbation,
+                r.face.maps.perturbation,
                 maps.diffuse_perturbation(),
             ],
             axis=-1,

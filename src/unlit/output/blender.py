@@ -23,7 +23,7 @@ def script() -> bytes:
 
 def settings(reconstruction: Reconstruction, atlas: Atlas) -> bytes:
     """blender.json: the camera, and how often the specular lobe is doubled."""
-    camera = reconstruction.camera
+    camera = reconstruction.face.camera
     largest = max(camera.width, camera.height)
     doublings = max(0, int(np.ceil(np.log2(max(float(atlas.specular_albedo.max()), 1)))))
     values = {

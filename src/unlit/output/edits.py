@@ -12,7 +12,6 @@ from ..color import decode_srgb
 from ..errors import OutputError
 from ..face.reconstruction import Reconstruction
 from ..perception.mask import painted
-from ..perception.regions import Regions
 from ..storage.pictures import read_picture
 from .images import MAPS
 
@@ -34,7 +33,8 @@ def edited(
     returns the names of the files taken. Raises OutputError when both files of a map were edited,
     or one that the stages make anew; PictureError when a file cannot be read.
     """
-    r, taken = reconstruction, []
+    taken: dict[str, np.ndarray] = {}
+    files: list[str] = []
     for name, (array, look) in MAPS.items():
         saved = array(reconstruction)
         found = {
@@ -57,13 +57,19 @@ def edited(
                     f"{folder}: {file} was edited, but stage 1 makes it anew; use --from-stage 2 "
                     "or later"
                 )
-            taken.append(file)
-            r = replace(r, **{name: values})
-    if r.mask is not reconstruction.mask:
-        regions = Regions(r.regions)
-        face = np.where(r.mask == reconstruction.mask, regions.face, r.mask)
-        r = replace(r, regions=painted(regions, face).weights)
-    return r, taken
+            files.append(file)
+            taken[name] = values
+    return _changed(reconstruction, taken), files
+
+
+def _changed(r: Reconstruction, maps: dict[str, np.ndarray]) -> Reconstruction:
+    """`r` with the maps given by name; a mask changes the regions, too."""
+    face, photo = r.face, r.photo
+    if (mask := maps.pop("mask", None)) is not None:
+        share = np.where(mask == face.mask, photo.regions.face, mask)
+        photo = replace(photo, regions=painted(photo.regions, share))
+        face = replace(face, mask=mask)
+    return replace(r, photo=photo, face=replace(face, maps=replace(face.maps, **maps)))
 
 
 def _values(

@@ -90,7 +90,7 @@ def export(
             writers |= FORMATS[name](job)
     table = {
         "unlit": version("unlit"),
-        "photo": reconstruction.photo_name,
+        "photo": reconstruction.photo.name,
         "source": back,
         "formats": [] if only_maps else sorted(formats),
         "size": size,

@@ -39,12 +39,12 @@ class Welded:
 def welded(reconstruction: Reconstruction) -> Welded:
     """The mesh of `reconstruction` as renderers and file formats with one index want it."""
     r = reconstruction
-    pairs = np.stack([r.triangles.ravel(), r.triangle_uv.ravel()], axis=1)
+    pairs = np.stack([r.face.mesh.triangles.ravel(), r.face.mesh.triangle_uv.ravel()], axis=1)
     unique, index = np.unique(pairs, axis=0, return_inverse=True)
     triangles = index.reshape(-1, 3).astype(np.int32)
     vertex = unique[:, 0]
-    position, uv = r.vertices[vertex], r.uv[unique[:, 1]]
-    normal = vertex_normals(r.vertices, r.triangles)[vertex].astype(np.float32)
+    position, uv = r.face.mesh.vertices[vertex], r.face.mesh.uv[unique[:, 1]]
+    normal = vertex_normals(r.face.mesh.vertices, r.face.mesh.triangles)[vertex].astype(np.float32)
     return Welded(
         vertex, position, normal, uv, tangents(position, normal, uv, triangles), triangles
     )
@@ -62,11 +62,11 @@ def obj(reconstruction: Reconstruction, part: np.ndarray, materials: str) -> byt
         f"mtllib {materials}",
         "o face",
     ]
-    lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in r.vertices.tolist()]
-    lines += [f"vt {u:.9g} {v:.9g}" for u, v in r.uv.tolist()]
-    normal = vertex_normals(r.vertices, r.triangles)
+    lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in r.face.mesh.vertices.tolist()]
+    lines += [f"vt {u:.9g} {v:.9g}" for u, v in r.face.mesh.uv.tolist()]
+    normal = vertex_normals(r.face.mesh.vertices, r.face.mesh.triangles)
     lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in normal.tolist()]
-    corners = np.stack([r.triangles, r.triangle_uv], axis=2) + 1
+    corners = np.stack([r.face.mesh.triangles, r.face.mesh.triangle_uv], axis=2) + 1
     for index, name in enumerate(PARTS):
         faces = corners[part == index].tolist()
         lines += [f"usemtl {name}"] * bool(faces)

@@ -61,7 +61,7 @@ def glb(reconstruction: Reconstruction, atlas: Atlas) -> bytes:
         "asset": {"version": "2.0", "generator": f"unlit {version('unlit')}"},
         "extensionsUsed": ["KHR_materials_ior", "KHR_materials_specular"],
         "scene": 0,
-        "scenes": [{"name": reconstruction.photo_name or "face", "nodes": [0, 1]}],
+        "scenes": [{"name": reconstruction.photo.name or "face", "nodes": [0, 1]}],
         "nodes": [
             {"name": "face", "mesh": 0},
             {"name": "photo camera", "camera": 0, "translation": (-centre * METRE).tolist()},
@@ -111,7 +111,7 @@ def _material(file: _File, atlas: Atlas) -> dict[str, Any]:
 
 
 def _camera(r: Reconstruction) -> dict[str, Any]:
-    camera = r.camera
+    camera = r.face.camera
     half_x = max(camera.cx, camera.width - camera.cx)
     half_y = max(camera.cy, camera.height - camera.cy)
     return {

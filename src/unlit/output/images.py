@@ -53,15 +53,15 @@ def tone_mapped(radiance: np.ndarray) -> np.ndarray:
 #: By name: the array of a reconstruction, and its preview.
 MAPS: dict[str, tuple[Callable[[Reconstruction], np.ndarray], Callable[[np.ndarray], np.ndarray]]]
 MAPS = {
-    "diffuse_albedo": (lambda r: r.diffuse_albedo, encoded),
-    "specular_albedo": (lambda r: r.specular_albedo, lambda image: bytes_of(image / 2)),
-    "roughness": (lambda r: r.roughness, bytes_of),
-    "specular_normal": (lambda r: r.specular_normal, normals),
-    "diffuse_normal": (lambda r: r.diffuse_normal, normals),
-    "shading": (lambda r: r.diffuse_shading, encoded),
-    "specular_shading": (lambda r: r.specular_shading, encoded),
-    "render": (lambda r: r.render, encoded),
-    "mask": (lambda r: r.mask, bytes_of),
+    "diffuse_albedo": (lambda r: r.face.maps.diffuse_albedo, encoded),
+    "specular_albedo": (lambda r: r.face.maps.specular_albedo, lambda image: bytes_of(image / 2)),
+    "roughness": (lambda r: r.face.maps.roughness, bytes_of),
+    "specular_normal": (lambda r: r.face.normals.specular, normals),
+    "diffuse_normal": (lambda r: r.face.normals.diffuse, normals),
+    "shading": (lambda r: r.images.diffuse_shading, encoded),
+    "specular_shading": (lambda r: r.images.specular_shading, encoded),
+    "render": (lambda r: r.images.render, encoded),
+    "mask": (lambda r: r.face.mask, bytes_of),
     "environment": (lambda r: r.light.rasterize(), tone_mapped),
 }
 

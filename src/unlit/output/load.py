@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-import json
+from dataclasses import fields as dataclass_fields
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..conditions.illuminant import WHITE
-from ..errors import OutputError
-from ..face.reconstruction import Reconstruction
+from ..errors import OutputError, SettingsError
+from ..face.conditions import Conditions
+from ..face.face import Face, Normals, PosedMesh
+from ..face.head import FittedHead
+from ..face.photo import FacePhoto
+from ..face.reconstruction import Images, Reconstruction
+from ..perception.regions import Regions
 from ..photo.crop import Crop
 from ..scene.camera import Camera
 from ..scene.light import SphericalGaussians
+from ..scene.maps import Maps
+from ..scene.surface_points import SurfacePoints
+from ..settings.settings import PRESETS, Settings, override
 from ..storage.folder import MARK
 from ..storage.toml import read_toml
 from .arrays import read_arrays
+from .metrics import read_metrics
 from .save import FORMAT
 
 _TEXT_LIMIT = 16 << 20
@@ -58,25 +67,54 @@ def load(folder: str | Path) -> Reconstruction:
             f"maps {len(arrays['image'])}; reconstruct the photo again"
         )
     color, gain = _light(fields)
-    light = SphericalGaussians(
-        *(arrays.pop(f"light_{name}") for name in ("axis", "sharpness", "amplitude")), color=color
-    )
+    kept = read_metrics(folder / "metrics.json", _text(folder / "metrics.json"))
+    regions = Regions(arrays["regions"])
+    mesh = PosedMesh(*(arrays[n] for n in ("vertices", "triangles", "uv", "triangle_uv")))
+    points = SurfacePoints(arrays["fit_landmark_triangle"], arrays["fit_landmark_barycentric"])
     return Reconstruction(
-        photo_name=fields.get("photo", str),
-        camera=pinhole,
-        crop=square,
-        light=light,
-        settings=fields.get("settings", dict),
-        metrics=_json(folder / "metrics.json"),
-        gain=gain,
-        **arrays,
+        FacePhoto(
+            fields.get("photo", str),
+            arrays["image"],
+            pinhole,
+            square,
+            regions,
+            arrays["landmarks"],
+            kept.unit_cd_m2,
+        ),
+        FittedHead(
+            replace(mesh, vertices=arrays["fit_vertices"]),
+            arrays["fit_landmarks"],
+            points,
+            kept.landmark_residual,
+            kept.head_model,
+        ),
+        Conditions(color, kept.light_color, arrays.get("visibility")),
+        Face(
+            pinhole,
+            mesh,
+            Maps(*(arrays[field.name] for field in dataclass_fields(Maps))),
+            Normals(arrays["specular_normal"], arrays["diffuse_normal"]),
+            arrays["mask"],
+        ),
+        SphericalGaussians(
+            *(arrays[f"light_{name}"] for name in ("axis", "sharpness", "amplitude")), color=color
+        ),
+        Images(*(arrays[field.name] for field in dataclass_fields(Images))),
+        gain,
+        _settings(fields),
+        kept.metrics(),
     )
+
+
+def _settings(fields: _Fields) -> Settings:
+    try:
+        return override(PRESETS["paper"], fields.get("settings", dict))
+    except SettingsError as error:
+        raise OutputError(f"{fields.path}: settings: {error}") from error
 
 
 def _light(fields: _Fields) -> tuple[np.ndarray, float]:
-    """Colour (3,) and gain; white and 1 in results saved before there was either."""
-    if not fields.has("light"):
-        return WHITE.copy(), 1.0
+    """Colour (3,) and gain."""
     light = fields.table("light")
     try:
         color = np.array(light.get("color", list), dtype=np.float32)
@@ -97,9 +135,6 @@ class _Fields:
         self.path = path
         self._values = values
         self._prefix = prefix
-
-    def has(self, name: str) -> bool:
-        return name in self._values
 
     def get(self, name: str, kind: type) -> Any:
         value = self._values.get(name)
@@ -129,18 +164,6 @@ def _toml(path: Path) -> dict[str, Any]:
         raise OutputError(
             f"{path}: no valid TOML ({error}); reconstruct the photo again"
         ) from error
-
-
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        values = json.loads(_text(path))
-    except (ValueError, RecursionError) as error:
-        raise OutputError(
-            f"{path}: no valid JSON ({error}); reconstruct the photo again"
-        ) from error
-    if not isinstance(values, dict):
-        raise OutputError(f"{path}: not a table of metrics; reconstruct the photo again")
-    return values
 
 
 def _text(path: Path) -> str:

@@ -24,7 +24,6 @@ import numpy as np
 from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba
 from ..render.reference import FaceBSDF, mitsuba_environment
-from ..render.relighter import maps_of
 from ..scene.brdf import IOR
 
 mi = mitsuba()
@@ -43,7 +42,7 @@ class ResultBSDF(FaceBSDF):
 
         super().__init__(props)
         r = load(Path(str(mi.file_resolver().resolve(props["folder"]))))
-        self.set_maps(r.camera, maps_of(r))
+        self.set_maps(r.face.camera, r.face.maps)
 
 
 mi.register_bsdf(PLUGIN, ResultBSDF)
@@ -94,7 +93,7 @@ def _scene(r: Reconstruction, mesh: str, bsdf: ElementTree.Element) -> bytes:
 
 def _sensor(r: Reconstruction) -> ElementTree.Element:
     """The camera of scene/camera.py: the same numbers as Camera.mitsuba_sensor."""
-    given = r.camera.mitsuba_sensor(_SAMPLES)
+    given = r.face.camera.mitsuba_sensor(_SAMPLES)
     sensor = ElementTree.Element("sensor", type=given["type"])
     for name in ("fov", "principal_point_offset_x", "principal_point_offset_y"):
         _put(sensor, "float", name, given[name])
@@ -106,8 +105,8 @@ def _sensor(r: Reconstruction) -> ElementTree.Element:
     sampler = ElementTree.SubElement(sensor, "sampler", type="independent")
     _put(sampler, "integer", "sample_count", _SAMPLES)
     film = ElementTree.SubElement(sensor, "film", type="hdrfilm")
-    _put(film, "integer", "width", r.camera.width)
-    _put(film, "integer", "height", r.camera.height)
+    _put(film, "integer", "width", r.face.camera.width)
+    _put(film, "integer", "height", r.face.camera.height)
     _put(film, "string", "pixel_format", "rgb")
     ElementTree.SubElement(film, "rfilter", type="box")
     return sensor

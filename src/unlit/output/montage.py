@@ -10,6 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 from ..color import encode_srgb
 from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba
+from ..render.relighter import Relighter
 from ..scene.light import RASTER, disc, flash, latlong_directions, latlong_solid_angles
 from .images import bytes_of, encoded, normals, png, tone_mapped
 
@@ -30,7 +31,13 @@ def montage(reconstruction: Reconstruction) -> np.ndarray:
     The lights have a fixed strength, so that faces can be compared: a white card that faces the
     flash or the side light renders as 1.
     """
-    return _sheet(reconstruction, _TILES, columns=4, tile=_TILE)
+    relighter = Relighter(reconstruction.face)
+
+    def relit(environment: Callable[[], np.ndarray]) -> Callable[[Reconstruction], np.ndarray]:
+        return lambda _: encoded(relighter(environment()))
+
+    lights = tuple((caption, relit(environment)) for caption, environment in _LIGHTS.items())
+    return _sheet(reconstruction, (*_TILES, *lights), columns=4, tile=_TILE)
 
 
 def montage_png(reconstruction: Reconstruction) -> bytes:
@@ -45,7 +52,7 @@ def preview_png(reconstruction: Reconstruction) -> bytes:
 
 def error(r: Reconstruction) -> np.ndarray:
     """(S, S, 3) uint8: 4 times the absolute difference of sRGB-encoded values, in the mask."""
-    difference = np.abs(encode_srgb(r.render) - encode_srgb(r.image))
+    difference = np.abs(encode_srgb(r.images.render) - encode_srgb(r.photo.image))
     return bytes_of(4 * difference * _inside(r))
 
 
@@ -53,12 +60,12 @@ def clay(r: Reconstruction) -> np.ndarray:
     """(S, S) uint8: the whole mesh as the camera sees it, grey, lit from above the camera."""
     from ..scene.mesh import Mesh, surface
 
-    mesh = Mesh(r.vertices, r.triangles)
-    hits = mesh.camera_hits(r.camera)
-    _, normal, _ = surface(r.camera, hits, mesh.vertices, mesh.normals, mesh.triangles)
+    mesh = Mesh(r.face.mesh.vertices, r.face.mesh.triangles)
+    hits = mesh.camera_hits(r.face.camera)
+    _, normal, _ = surface(r.face.camera, hits, mesh.vertices, mesh.normals, mesh.triangles)
     toward = np.array([0.5, 0.5, 0.7])
     cosine = np.maximum(normal.numpy().T @ toward, 0)
-    picture = np.full(r.mask.shape, _PAPER, dtype=np.uint8)
+    picture = np.full(r.face.mask.shape, _PAPER, dtype=np.uint8)
     picture.ravel()[hits.pixel.numpy()] = encoded(0.04 + 0.55 * cosine)
     return picture
 
@@ -108,20 +115,16 @@ def _side() -> np.ndarray:
     return disc((np.sin(np.radians(60)), 0.0, np.cos(np.radians(60))))
 
 
-def _relit(environment: Callable[[], np.ndarray]) -> Callable[[Reconstruction], np.ndarray]:
-    return lambda r: encoded(r.relight(environment()))
-
-
 def _inside(r: Reconstruction) -> np.ndarray:
-    return (r.mask > 0)[..., None]
+    return (r.face.mask > 0)[..., None]
 
 
-_PHOTO: Tile = ("photo", lambda r: encoded(r.image))
-_RENDER: Tile = ("render", lambda r: encoded(r.render))
+_PHOTO: Tile = ("photo", lambda r: encoded(r.photo.image))
+_RENDER: Tile = ("render", lambda r: encoded(r.images.render))
 _ERROR: Tile = ("error x 4", error)
 _CLAY: Tile = ("mesh", clay)
-_DIFFUSE: Tile = ("diffuse albedo", lambda r: encoded(r.diffuse_albedo * _inside(r)))
-_NORMALS: Tile = ("specular normals", lambda r: normals(r.specular_normal * _inside(r)))
+_DIFFUSE: Tile = ("diffuse albedo", lambda r: encoded(r.face.maps.diffuse_albedo * _inside(r)))
+_NORMALS: Tile = ("specular normals", lambda r: normals(r.face.normals.specular * _inside(r)))
 _LIGHT: Tile = ("light, seen from the camera", light)
 _TILES: tuple[Tile, ...] = (
     _PHOTO,
@@ -129,14 +132,19 @@ _TILES: tuple[Tile, ...] = (
     _ERROR,
     _CLAY,
     _DIFFUSE,
-    ("specular albedo, 0 to 2", lambda r: bytes_of(r.specular_albedo / 2 * (r.mask > 0))),
+    (
+        "specular albedo, 0 to 2",
+        lambda r: bytes_of(r.face.maps.specular_albedo / 2 * (r.face.mask > 0)),
+    ),
     _NORMALS,
-    ("diffuse normals", lambda r: normals(r.diffuse_normal * _inside(r))),
+    ("diffuse normals", lambda r: normals(r.face.normals.diffuse * _inside(r))),
     _LIGHT,
-    ("new light: frontal flash", _relit(flash)),
-    ("new light: 60 degrees from the right", _relit(_side)),
-    ("new light: outdoors", _relit(outdoors)),
 )
+_LIGHTS = {
+    "new light: frontal flash": flash,
+    "new light: 60 degrees from the right": _side,
+    "new light: outdoors": outdoors,
+}
 _PREVIEW_TILES = (_PHOTO, _RENDER, _CLAY, _DIFFUSE, _NORMALS, _LIGHT)
 
 

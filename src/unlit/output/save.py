@@ -13,11 +13,13 @@ import numpy as np
 import tomli_w
 
 from ..face.reconstruction import Reconstruction
+from ..settings.settings import as_dict
 from ..storage.folder import CHECKPOINT, MARK, MARK_TEXT, REPORT, STAGES, write_all
 from .arrays import write_arrays
 from .export import atlas_pngs
 from .geometry import mtl, obj, ply
 from .images import MAPS, exr, png
+from .metrics import metrics_json
 from .montage import montage_png
 from .textures import PNGS
 
@@ -86,7 +88,7 @@ def save(
     texts = {
         "light.json": _json(_light(r)),
         "camera.json": _json(_camera(r)),
-        "metrics.json": _json(r.metrics),
+        "metrics.json": metrics_json(r),
         MARK: _toml(r),
         LOG: log,
     }
@@ -126,17 +128,17 @@ def _toml(r: Reconstruction) -> str:
     table = {
         "format": FORMAT,
         "unlit": version("unlit"),
-        "photo": r.photo_name,
+        "photo": r.photo.name,
         "camera": {
-            "width": r.camera.width,
-            "height": r.camera.height,
-            "focal": float(r.camera.focal),
-            "cx": float(r.camera.cx),
-            "cy": float(r.camera.cy),
+            "width": r.face.camera.width,
+            "height": r.face.camera.height,
+            "focal": float(r.face.camera.focal),
+            "cx": float(r.face.camera.cx),
+            "cy": float(r.face.camera.cy),
         },
-        "crop": {"resolution": r.crop.resolution, "matrix": r.crop.matrix.tolist()},
+        "crop": {"resolution": r.photo.crop.resolution, "matrix": r.photo.crop.matrix.tolist()},
         "light": {"color": r.light.color, "gain": r.gain},
-        "settings": r.settings,
+        "settings": as_dict(r.settings),
         "files": FILES,
     }
     head = (
@@ -148,15 +150,15 @@ def _toml(r: Reconstruction) -> str:
 
 
 def _camera(r: Reconstruction) -> dict[str, Any]:
-    camera = r.camera
+    camera = r.face.camera
     return {
         "frame": _FRAME,
         "width": camera.width,
         "height": camera.height,
         "intrinsics": [[camera.focal, 0, camera.cx], [0, camera.focal, camera.cy], [0, 0, 1]],
         "fov_x_degrees": float(np.degrees(2 * np.arctan(0.5 * camera.width / camera.focal))),
-        "photo": r.photo_name,
-        "photo_to_crop": r.crop.matrix,
+        "photo": r.photo.name,
+        "photo_to_crop": r.photo.crop.matrix,
     }
 
 

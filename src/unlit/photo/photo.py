@@ -63,8 +63,8 @@ class Photo:
         of sRGB have components below 0 or above 1.
     alpha: (H, W) float32 in [0, 1], not multiplied into the pixels; None for an opaque photo.
     focal: focal length in pixels of this image from the EXIF entries, or None.
-    unit: luminance, cd/m^2, that the value 1 stands for by exposure time, f-number and ISO speed
-        in EXIF (CALIBRATION), or None.
+    white_luminance: cd/m^2 that the value 1 stands for by exposure time, f-number and ISO speed in
+        EXIF (CALIBRATION), or None.
     source: the file's name, for messages.
     colours: how the colours were found, for the log: by the ICC profile, or as sRGB.
     """
@@ -74,7 +74,7 @@ class Photo:
     focal: float | None
     source: str
     colours: str = "sRGB (no profile)"
-    unit: float | None = None
+    white_luminance: float | None = None
 
     @staticmethod
     def of(pixels: np.ndarray, source: str = "array") -> Photo:
@@ -158,7 +158,7 @@ def _upright_photo(decoded: _Decoded, source: str) -> Photo:
     pixels, colours = _linear(decoded)
     pixels = _upright(pixels, decoded.orientation)
     focal = focal_from_exif(decoded.exif, pixels.shape[1], pixels.shape[0])
-    return Photo(pixels, alpha, focal, source, colours, unit_from_exif(decoded.exif))
+    return Photo(pixels, alpha, focal, source, colours, white_luminance_from_exif(decoded.exif))
 
 
 def _first_line(error: Exception) -> str:
@@ -373,7 +373,7 @@ def focal_from_exif(exif: Image.Exif, width: int, height: int) -> float | None:
     return focal if _FOCAL_RANGE[0] < focal / diagonal < _FOCAL_RANGE[1] else None
 
 
-def unit_from_exif(exif: Image.Exif) -> float | None:
+def white_luminance_from_exif(exif: Image.Exif) -> float | None:
     """Luminance, cd/m^2, that the value 1 stands for, or None if not known."""
     tags, base = exif.get_ifd(ExifTags.IFD.Exif), ExifTags.Base
     time, number = _number(tags, base.ExposureTime), _number(tags, base.FNumber)

@@ -7,113 +7,91 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import OutputError, SettingsError
-from ..face.reconstruction import Fit, Reconstruction
-from ..optimize.problem import Estimate, Problem, Progress
+from ..errors import SettingsError
+from ..face.reconstruction import Reconstruction
+from ..optimize.estimate import Estimate
+from ..optimize.problem import Problem, Progress
+from ..optimize.run_record import RunRecord
 from ..optimize.stages import Begin
-from ..perception.regions import Regions
 from ..settings.settings import TABLE_1, Settings
-from .chain import Capture, Head, Preview, solve
+from .chain import Preview, Steps, run_chain
 
 #: Darker maps, and lobes, are raised to this, as their logarithms are what is optimised.
 _LEAST = 1e-3
 _LEAST_LIGHT = 1e-8
+#: Settings of the steps before the stages, which are not done again.
+_KEPT = ("resolution", "light_color", "cast_shadows", "head_model")
 
 
-def kept_fit(face: Reconstruction, stage: int, settings: Settings) -> Fit:
-    """What the result's own stages started from, if it can be continued like this.
-
-    Raises OutputError for a result that has not kept it, SettingsError for a stage or settings
-    that do not go with it.
-    """
-    if face.fit is None:
-        raise OutputError(
-            f"the result of {face.photo_name} was saved by an older unlit, which did not keep "
-            "what is needed to go on from it; reconstruct the photo again"
-        )
+def check_resumable(result: Reconstruction, stage: int, settings: Settings) -> None:
+    """Raise SettingsError for a stage or settings with which `result` cannot be continued."""
     if not 1 <= stage <= len(TABLE_1):
         raise SettingsError(f"stage {stage}: choose 1 to {len(TABLE_1)}")
-    kept = ("light_color", "cast_shadows", "head_model")
-    saved = {name: face.settings.get(name, getattr(Settings, name)) for name in kept}
-    saved["resolution"] = len(face.image)
-    for name, value in saved.items():
-        if (wanted := getattr(settings, name)) != value:
+    for name in _KEPT:
+        wanted, saved = getattr(settings, name), getattr(result.settings, name)
+        if wanted != saved:
             raise SettingsError(
-                f"{name}={wanted}: the saved result keeps its own, {value}; reconstruct the photo "
+                f"{name}={wanted}: the saved result keeps its own, {saved}; reconstruct the photo "
                 "again to change it"
             )
-    return face.fit
 
 
-def continued(
-    face: Reconstruction,
+def resume(
+    result: Reconstruction,
     stage: int,
-    settings: Settings,
-    progress: Progress = lambda stage, iteration, iterations, loss: None,
+    settings: Settings | None = None,
+    progress: Progress = lambda *_: None,
     preview: Preview | None = None,
 ) -> Reconstruction:
     """Run the stages from `stage` (1 to 5) on again.
 
-    They start from the albedo maps, light and mesh of `face`, whatever has been changed in them,
+    They start from the albedo maps, light and mesh of `result`, whatever has been changed in them,
     and use the pixels that its regions have as face; stage 1 starts anew from the fitted head.
-    Raises what `kept_fit` raises.
+    settings: those of `result` if None. Raises SettingsError as `check_resumable`.
     """
-    fit, metrics = kept_fit(face, stage, settings), face.metrics
-    unit = metrics.get("unit_cd_m2")
-    capture = Capture(
-        face.photo_name,
-        face.image,
-        face.camera,
-        face.crop,
-        Regions(face.regions),
-        fit.landmarks,
-        face.light.color,
-        metrics.get("light_color"),
-        unit if isinstance(unit, float) else None,
-        face.lit,
-    )
-    head = Head(
-        fit.vertices,
-        face.triangles,
-        face.uv,
-        face.triangle_uv,
-        fit.landmark_triangle,
-        fit.landmark_barycentric,
-        fit.landmarks,
-        metrics.get("landmark_residual"),
-        metrics.get("head_model"),
-    )
+    settings = settings or result.settings
+    check_resumable(result, stage, settings)
+    steps = Steps(lambda _: result.photo, lambda *_: result.head, lambda *_: result.conditions)
+    again = run_chain(steps, settings, RunRecord(progress), _Start(result, stage), preview)
+    return replace(again, metrics=replace(again.metrics, continued_from_stage=stage))
 
-    def begin(problem: Problem, seconds: dict[str, float]) -> Begin | None:
-        losses: Any = metrics.get("losses")
-        if isinstance(losses, dict):
-            earlier = list(TABLE_1)[: stage - 1]
-            problem.history = {name: losses[name] for name in earlier if name in losses}
-        if stage == 1:
+
+class _Start:
+    """Begins where `result` is; nothing is kept of the stages to come."""
+
+    def __init__(self, result: Reconstruction, stage: int) -> None:
+        self.result, self.stage = result, stage
+
+    def begin(self, problem: Problem, run: RunRecord) -> Begin | None:
+        del run
+        result, earlier = self.result, list(TABLE_1)[: self.stage - 1]
+        if self.stage == 1:
             return None
-        estimate = _estimate(problem, face)
+        estimate = _estimate(problem, result)
         problem.move(estimate.vertices)
-        return Begin(stage - 1, estimate)
+        losses = {name: list(pairs) for name, pairs in result.metrics.losses.items()}
+        losses = {name: losses[name] for name in earlier if name in losses}
+        return Begin(self.stage - 1, estimate, losses=losses)
 
-    result = solve(capture, head, settings, progress, preview, begin=begin)
-    return replace(result, metrics=result.metrics | {"continued_from_stage": stage})
+    def keep(self, *_: Any) -> None:
+        """Nothing."""
 
 
-def _estimate(problem: Problem, face: Reconstruction) -> Estimate:
-    """`face` as the stages left it."""
-    gain = np.float32(face.gain)
+def _estimate(problem: Problem, result: Reconstruction) -> Estimate:
+    """`result` as the stages left it."""
+    gain, maps, light = np.float32(result.gain), result.face.maps, result.light
 
     def rows(image: np.ndarray) -> np.ndarray:
         return image.reshape(-1, *image.shape[2:])[problem.pixel]
 
     return Estimate.of(
         {
-            "vertices": face.vertices,
-            "log_diffuse": np.log(np.maximum(rows(face.diffuse_albedo) / gain, _LEAST)),
-            "log_specular": np.log(np.maximum(rows(face.specular_albedo) / gain, _LEAST)),
-            "perturbation": rows(face.perturbation),
-            "axis": face.light.axis,
-            "log_sharpness": np.log(np.maximum(face.light.sharpness, _LEAST)),
-            "log_amplitude": np.log(np.maximum(face.light.amplitude * gain, _LEAST_LIGHT)),
+            "vertices": result.face.mesh.vertices,
+            "log_diffuse": np.log(np.maximum(rows(maps.diffuse_albedo) / gain, _LEAST)),
+            "log_specular": np.log(np.maximum(rows(maps.specular_albedo) / gain, _LEAST)),
+            "perturbation": rows(maps.perturbation),
+            "axis": light.axis,
+            "log_sharpness": np.log(np.maximum(light.sharpness, _LEAST)),
+            "log_amplitude": np.log(np.maximum(light.amplitude * gain, _LEAST_LIGHT)),
         }
     )

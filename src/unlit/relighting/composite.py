@@ -46,15 +46,15 @@ class Backdrop:
 
     def __init__(self, reconstruction: Reconstruction, photo: Photo) -> None:
         self.face, self.photo = reconstruction, photo
-        crop = np.maximum(reconstruction.crop.image(photo.pixels), 0)
+        crop = np.maximum(reconstruction.photo.crop.image(photo.pixels), 0)
         difference = np.clip(encode_srgb(crop), 0, 1)
-        difference -= np.clip(encode_srgb(reconstruction.image), 0, 1)
+        difference -= np.clip(encode_srgb(reconstruction.photo.image), 0, 1)
         error = float(np.sqrt(np.mean(difference**2)))
         if error > _SAME:
             height, width = photo.pixels.shape[:2]
             raise PhotoError(
                 f"{photo.source}: not the picture that this result was made from "
-                f"({reconstruction.photo_name}): at {width} x {height} pixels its crop differs by "
+                f"({reconstruction.photo.name}): at {width} x {height} pixels its crop differs by "
                 f"{error:.2f}; give that photo, at its own size and not edited"
             )
 
@@ -64,13 +64,13 @@ class Backdrop:
         Where the mask is 0 the photo's values come back to the bit.
         """
         # Beyond the mask the relit face is black, which resampling must not draw in at its rim.
-        return self.face.crop.paste(
-            fill(relit, self.face.mask > 0), self.photo.pixels, self._weight
+        return self.face.photo.crop.paste(
+            fill(relit, self.face.face.mask > 0), self.photo.pixels, self._weight
         )
 
     @cached_property
     def _weight(self) -> np.ndarray:
-        return faded(self.face.mask)
+        return faded(self.face.face.mask)
 
     @cached_property
     def _encoded(self) -> np.ndarray:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..face.face import Face
 from ..face.reconstruction import Reconstruction
 from ..progress.console import clock
-from ..render.relighter import Face, Relighter, traced
+from ..render.relighter import Relighter, traced
 from .lights import turned
 from .pose import Turntable
 
@@ -56,14 +57,14 @@ def pictures(
     bar = _Bar(len(frames), progress)
     table = Turntable(face) if any(frame.head for frame in frames) else None
     if samples is None and table is None:
-        lit = Relighter(face).under(environment, [frame.light for frame in frames])
+        lit = Relighter(face.face).under(environment, [frame.light for frame in frames])
         for number in range(len(frames)):
             bar(number)
             yield lit.image(number)
     else:
         for number, frame in enumerate(frames):
             bar(number)
-            seen: Face = table.turned(frame.head) if table else face
+            seen: Face = table.turned(frame.head) if table else face.face
             if samples is None:
                 yield Relighter(seen).under(environment, [frame.light]).image(0)
             else:

@@ -7,13 +7,15 @@ renderers take it like any other face.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from ..face.face import Face, Normals
 from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba
 from ..output.atlas import bake
 from ..output.parts import INSIDE
-from ..render.relighter import Seen
 from ..scene.maps import Maps, fill
 from ..scene.mesh import Mesh, surface_weights
 
@@ -29,9 +31,9 @@ class Turntable:
 
     def __init__(self, reconstruction: Reconstruction) -> None:
         self.face = reconstruction
-        self.atlas = bake(reconstruction, min(_FINER * reconstruction.camera.width, _LARGEST))
+        self.atlas = bake(reconstruction, min(_FINER * reconstruction.face.camera.width, _LARGEST))
 
-    def turned(self, degrees: float) -> Seen:
+    def turned(self, degrees: float) -> Face:
         """The head turned by `degrees` about the vertical axis through its middle.
 
         Positive turns the face to the picture's right. The mask is 1 wherever skin or eyes are
@@ -41,13 +43,13 @@ class Turntable:
         angle = np.radians(degrees)
         cosine, sine = np.cos(angle), np.sin(angle)
         turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
-        middle = 0.5 * (r.vertices.min(axis=0) + r.vertices.max(axis=0))
-        vertices = ((r.vertices - middle) @ turn.T + middle).astype(np.float32)
+        middle = 0.5 * (r.face.mesh.vertices.min(axis=0) + r.face.mesh.vertices.max(axis=0))
+        vertices = ((r.face.mesh.vertices - middle) @ turn.T + middle).astype(np.float32)
 
-        body = Mesh(vertices, r.triangles)
-        hits = body.camera_hits(r.camera)
+        body = Mesh(vertices, r.face.mesh.triangles)
+        hits = body.camera_hits(r.face.camera)
         pixel, triangle = hits.pixel.numpy(), hits.triangle.numpy()
-        weight = surface_weights(r.camera, hits, body.vertices, body.triangles)[1].numpy().T
+        weight = surface_weights(r.face.camera, hits, body.vertices, body.triangles)[1].numpy().T
         corner = atlas.mesh.triangles[triangle]
 
         def at(values: np.ndarray) -> np.ndarray:
@@ -61,7 +63,7 @@ class Turntable:
         bent = np.einsum("pxc,pc->px", frame, _texture(atlas.specular_normal, place))
         plain, bent = (_unit(n) @ turn.T for n in (normal, bent))
 
-        height, width = r.mask.shape
+        height, width = r.face.mask.shape
         known = np.zeros((height, width), dtype=bool)
         known.ravel()[pixel] = True
 
@@ -76,16 +78,12 @@ class Turntable:
             for texels in (atlas.diffuse_albedo, atlas.specular_albedo, atlas.roughness)
         )
         maps = Maps(colour, gloss, roughness, image(bent - plain))
-        return Seen(
-            r.camera,
-            vertices,
-            r.triangles,
-            colour,
-            gloss,
-            roughness,
-            maps.perturbation,
-            image(bent),
-            image(_unit(plain + maps.diffuse_perturbation().reshape(-1, 3)[pixel])),
+        diffuse = _unit(plain + maps.diffuse_perturbation().reshape(-1, 3)[pixel])
+        return Face(
+            r.face.camera,
+            replace(r.face.mesh, vertices=vertices),
+            maps,
+            Normals(image(bent), image(diffuse)),
             image(atlas.part[triangle] != INSIDE),
         )
 

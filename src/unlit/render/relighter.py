@@ -7,16 +7,14 @@ prepared for (`Relighter.under`): a light that turns about the vertical axis cos
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
-from ..face.reconstruction import Reconstruction
+from ..face.face import Face
 from ..machine.runtime import mitsuba
 from ..scene.arrays import device
-from ..scene.camera import Camera
 from ..scene.cells import Cells, Flux, even_cells, refine
 from ..scene.light import SphericalGaussians
 from ..scene.maps import Maps
@@ -35,37 +33,20 @@ _TURNING_LIMIT = 6000
 _BITS = 1 << 32
 
 
-@dataclass(frozen=True)
-class Seen:
-    """What relighting needs of a face; the fields are those of Reconstruction."""
-
-    camera: Camera
-    vertices: np.ndarray
-    triangles: np.ndarray
-    diffuse_albedo: np.ndarray
-    specular_albedo: np.ndarray
-    roughness: np.ndarray
-    perturbation: np.ndarray
-    specular_normal: np.ndarray
-    diffuse_normal: np.ndarray
-    mask: np.ndarray
-
-
-Face = Reconstruction | Seen
-
-
-def maps_of(face: Face) -> Maps:
-    """The reflectance of `face`."""
-    return Maps(face.diffuse_albedo, face.specular_albedo, face.roughness, face.perturbation)
-
-
 def traced(
     face: Face, environment: np.ndarray, samples: int, seed: int = 0, progress: Progress = silent
 ) -> np.ndarray:
     """Path-traced (S, S, 3) linear sRGB under `environment` (H, W[, 3]), beyond the mask, too."""
-    mesh = Mesh(face.vertices, face.triangles)
+    mesh = Mesh(face.mesh.vertices, face.mesh.triangles)
     return path_trace(
-        mesh, face.camera, maps_of(face), environment, samples, BOUNCES, seed, progress=progress
+        mesh,
+        face.camera,
+        face.maps,
+        environment,
+        samples,
+        BOUNCES,
+        seed,
+        progress=progress,
     )
 
 
@@ -73,8 +54,8 @@ class Relighter:
     """What stays when only the light changes: geometry, shading points, form factors."""
 
     def __init__(self, face: Face, bounces: int = BOUNCES) -> None:
-        self.maps = maps_of(face)
-        self.mesh = Mesh(face.vertices, face.triangles)
+        self.maps = face.maps
+        self.mesh = Mesh(face.mesh.vertices, face.mesh.triangles)
         hits = self.mesh.camera_hits(face.camera)
         inside = np.flatnonzero(face.mask.ravel()[hits.pixel.numpy()] > 0).astype(np.uint32)
         chosen = device(mi.UInt32, inside)
@@ -88,15 +69,20 @@ class Relighter:
         )
         self.points = Points(
             position,
-            device(mi.Vector3f, face.diffuse_normal.reshape(-1, 3)[self.pixel]),
-            device(mi.Vector3f, face.specular_normal.reshape(-1, 3)[self.pixel]),
+            device(mi.Vector3f, face.normals.diffuse.reshape(-1, 3)[self.pixel]),
+            device(mi.Vector3f, face.normals.specular.reshape(-1, 3)[self.pixel]),
             geometric,
-            device(mi.Float, face.roughness.ravel()[self.pixel]),
+            device(mi.Float, face.maps.roughness.ravel()[self.pixel]),
         )
-        self.bounce = Bounce(mesh, face.camera, hits, face.roughness, bounces)
+        self.bounce = Bounce(mesh, face.camera, hits, face.maps.roughness, bounces)
 
     def __call__(self, light: np.ndarray | SphericalGaussians) -> np.ndarray:
-        """(S, S, 3) linear sRGB under `light`; 0 outside the mask. See Reconstruction.relight."""
+        """(S, S, 3) linear sRGB under `light`; 0 outside the mask.
+
+        light: radiance as a latitude-longitude map (H, W) or (H, W, 3) in the world frame of
+        scene/camera.py, or spherical Gaussians. Deterministic, with self-shadowing and
+        inter-reflection.
+        """
         lobes = isinstance(light, SphericalGaussians)
         return self.under(light.rasterize() if lobes else np.asarray(light)).image(0)
 

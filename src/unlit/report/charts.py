@@ -4,24 +4,14 @@ from __future__ import annotations
 
 import math
 from html import escape
-from typing import Any
 
 _WIDTH, _HEIGHT = 320, 150
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44, 8, 10, 24
 
 
-def points_of(curve: Any) -> list[tuple[float, float]]:
-    """The pairs (iteration, loss) of a stage in metrics.json that can be drawn."""
-    if not isinstance(curve, list):
-        return []
-    pairs = [pair for pair in curve if isinstance(pair, list | tuple) and len(pair) == 2]
-    numbers = [pair for pair in pairs if all(isinstance(n, int | float) for n in pair)]
-    return [(float(x), float(y)) for x, y in numbers if math.isfinite(x) and 0 < y < math.inf]
-
-
-def loss_chart(title: str, points: list[tuple[float, float]]) -> str:
-    """An <svg> of `points` (iteration, loss), at least one; loss > 0."""
-    xs, ys = [x for x, _ in points], [math.log10(y) for _, y in points]
+def loss_chart(title: str, points: list[tuple[int, float]]) -> str:
+    """An <svg> of `points` (iteration, loss), at least one."""
+    xs, ys = [x for x, _ in points], [math.log10(max(y, 1e-9)) for _, y in points]
     low, high = min(ys), max(ys)
     if high - low < 0.02:  # hardly any change: leave it flat instead of blowing up noise
         low, high = low - 0.01, high + 0.01

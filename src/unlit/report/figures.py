@@ -54,7 +54,7 @@ _KINDS = {"render": "re-rendering", "albedo": "diffuse albedo", "normals": "spec
 
 def photo(r: Reconstruction) -> str:
     """The slider between the photo's crop and the re-rendering."""
-    both = {"photo": r.image, "render": r.render}
+    both = {"photo": r.photo.image, "render": r.images.render}
     before, after = (
         image(webp(encoded(pixels), _LARGEST), f"The {name}", f'id="{name}"')
         for name, pixels in both.items()
@@ -78,7 +78,7 @@ def maps(r: Reconstruction) -> str:
     for name, (array, look) in MAPS.items():
         picture = look(array(r))
         if name in _FILLED:
-            inside = r.mask > 0
+            inside = r.face.mask > 0
             picture = picture * (inside if picture.ndim == 2 else inside[..., None])
         found.append(_figure(webp(picture, _LARGEST), _MAPS[name]))
     return "\n".join(found)

@@ -9,7 +9,6 @@ from html import escape
 from importlib.metadata import version
 from pathlib import Path
 from string import Template
-from typing import Any
 
 import tomli_w
 
@@ -18,13 +17,13 @@ from ..conditions.illuminant import AUTO, temperature
 from ..evaluate.psnr import psnr
 from ..face.gain import full_light
 from ..face.reconstruction import Reconstruction
-from ..face.warnings import findings
 from ..output.atlas import Atlas, bake
 from ..output.load import load
+from ..settings.settings import as_dict
 from ..storage.folder import REPORT, write_one
 from . import figures
 from .bundle import REMEDY, WEB, missing_because, program
-from .charts import loss_chart, points_of
+from .charts import loss_chart
 from .scene import scene
 from .stages import Stages, read_stages
 
@@ -53,7 +52,7 @@ def report_html(r: Reconstruction, atlas: Atlas, stages: Stages | None = None) -
     style = _web("page.css")
     scripts = [_web("page.js"), *([bundle] if bundle else [])]
     return Template(_web("page.html")).substitute(
-        title=escape(f"{r.photo_name}, unlit"),
+        title=escape(f"{r.photo.name}, unlit"),
         version=escape(version("unlit")),
         policy=_policy(style, scripts),
         style=style,
@@ -61,16 +60,16 @@ def report_html(r: Reconstruction, atlas: Atlas, stages: Stages | None = None) -
         photo=figures.photo(r),
         facts=_table(_facts(r)),
         overview=figures.overview(r),
-        warnings=_warnings(findings(r)),
+        warnings=_warnings(r.metrics.warnings),
         viewer=viewer,
         stages=figures.stages(stages or []),
         maps=figures.maps(r),
         atlas=figures.atlas_maps(atlas),
         confidence=figures.confidence(atlas),
-        losses=_losses(r.metrics.get("losses")),
-        seconds=_seconds(r.metrics.get("seconds")),
+        losses=_losses(r.metrics.losses),
+        seconds=_seconds(r.metrics.seconds),
         command="unlit reconstruct PHOTO -o DIR --config settings.toml",
-        settings=escape(tomli_w.dumps(r.settings)),
+        settings=escape(tomli_w.dumps(as_dict(r.settings))),
     )
 
 
@@ -104,55 +103,54 @@ def _viewer(r: Reconstruction, atlas: Atlas) -> tuple[str, str | None]:
 
 
 def _facts(r: Reconstruction) -> dict[str, str]:
-    inside = r.mask > 0
+    inside = r.face.mask > 0
     metrics = r.metrics
     found = {
-        "Photo": r.photo_name,
-        "Crop": f"{r.camera.width} x {r.camera.height} pixels, each {1 / r.crop.scale:.2f} of the "
-        "photo's",
+        "Photo": r.photo.name,
+        "Crop": f"{r.face.camera.width} x {r.face.camera.height} pixels, each "
+        f"{1 / r.photo.crop.scale:.2f} of the photo's",
         "Measured": f"{inside.mean():.0%} of the crop",
         "Field of view": f"{_field_of_view(r):.1f} degrees across the crop",
     }
     if inside.any():
-        found["Match"] = f"{psnr(r.render, r.image, inside):.1f} dB, re-rendering against photo"
-    residual, memory = (_number(metrics.get(n)) for n in ("landmark_residual", "peak_memory_mb"))
-    if residual is not None:
+        found["Match"] = (
+            f"{psnr(r.images.render, r.photo.image, inside):.1f} dB, re-rendering against photo"
+        )
+    if (residual := r.head.landmark_residual) is not None:
         found["Landmarks"] = f"missed by {residual:.1%} of the eye distance on average"
-    if seconds := _laps(metrics.get("seconds")):
-        found["Time"] = f"{sum(seconds.values()):.0f} s without writing the files"
-    if memory is not None:
-        found["Memory"] = f"{memory:.0f} MB at most"
+    found["Time"] = f"{sum(metrics.seconds.values()):.0f} s without writing the files"
+    found["Memory"] = f"{metrics.peak_memory_mb:.0f} MB at most"
     found["Light's colour"] = _light_color(r)
     found["Gain"] = _gain(r)
-    found["Mesh"] = f"{len(r.vertices)} vertices, {len(r.triangles)} triangles"
+    found["Mesh"] = f"{len(r.face.mesh.vertices)} vertices, {len(r.face.mesh.triangles)} triangles"
     return found
 
 
 def _light_color(r: Reconstruction) -> str:
-    if is_white(r.light_color):
+    if is_white(r.light.color):
         return "taken for white"
-    numbers = ", ".join(f"{value:.3f}" for value in r.light_color)
-    return f"{numbers} (linear RGB), nearest to {temperature(r.light_color):.0f} K"
+    numbers = ", ".join(f"{value:.3f}" for value in r.light.color)
+    return f"{numbers} (linear RGB), nearest to {temperature(r.light.color):.0f} K"
 
 
 def _gain(r: Reconstruction) -> str:
     """What the picture cannot tell, and what was done about it."""
-    known = r.settings.get("exposure", AUTO)
+    known = r.settings.exposure
     how = f"set by {known}"
     if known == AUTO:
         how = f"by convention, a white card in full light would be {1 / r.gain:.1f} times as "
         how += "bright as the photo's white"
     text = f"albedo and light share one gain, which no photo tells: {how}"
-    unit = _number(r.metrics.get("unit_cd_m2"))
-    inside = r.mask > 0
+    unit = r.photo.white_luminance
+    inside = r.face.mask > 0
     if unit is None or not inside.any():
         return text
-    lux = math.pi * unit * full_light(r.diffuse_shading[inside])
+    lux = math.pi * unit * full_light(r.images.diffuse_shading[inside])
     return f"{text}; by the photo's exposure {lux:,.0f} lux, within a stop or so, fall there"
 
 
 def _field_of_view(r: Reconstruction) -> float:
-    return math.degrees(2 * math.atan(0.5 * r.camera.width / r.camera.focal))
+    return math.degrees(2 * math.atan(0.5 * r.face.camera.width / r.face.camera.focal))
 
 
 def _table(rows: dict[str, str]) -> str:
@@ -163,18 +161,17 @@ def _table(rows: dict[str, str]) -> str:
     return f"<table>{body}</table>"
 
 
-def _warnings(sentences: list[str]) -> str:
+def _warnings(sentences: tuple[str, ...]) -> str:
     if not sentences:
         return "<p>None: nothing shadowed, saturated, clipped, small or misplaced was found.</p>"
     items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
     return f'<ul class="warnings">{items}</ul>'
 
 
-def _losses(losses: Any) -> str:
-    curves = {n: points_of(curve) for n, curve in losses.items()} if _is_table(losses) else {}
+def _losses(losses: dict[str, list[tuple[int, float]]]) -> str:
     charts = [
         f"<figure>{loss_chart(name, points)}<figcaption>{escape(name)}</figcaption></figure>"
-        for name, points in curves.items()
+        for name, points in losses.items()
         if points
     ]
     if not charts:
@@ -185,30 +182,14 @@ def _losses(losses: Any) -> str:
     )
 
 
-def _seconds(seconds: Any) -> str:
-    laps = _laps(seconds)
-    if not laps:
+def _seconds(seconds: dict[str, float]) -> str:
+    if not seconds:
         return "<p>No times were kept.</p>"
-    longest = max(laps.values())
+    longest = max(seconds.values())
     rows = "".join(
         f'<tr><th scope="row">{escape(name)}</th><td class="number">{value:.1f} s</td>'
         f'<td><meter min="0" max="{longest:.3f}" value="{value:.3f}" '
         f'aria-label="{escape(name)}"></meter></td></tr>'
-        for name, value in laps.items()
+        for name, value in seconds.items()
     )
     return f"<table>{rows}</table>"
-
-
-def _laps(seconds: Any) -> dict[str, float]:
-    """The steps and their seconds in metrics.json; what is no number is left out."""
-    pairs = seconds.items() if _is_table(seconds) else ()
-    return {name: n for name, value in pairs if (n := _number(value)) is not None and n >= 0}
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, dict)
-
-
-def _number(value: Any) -> float | None:
-    usable = isinstance(value, int | float) and math.isfinite(value)
-    return float(value) if usable else None

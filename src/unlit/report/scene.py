@@ -69,7 +69,7 @@ def scene(r: Reconstruction, atlas: Atlas) -> Scene:
         rgb = environment if environment.ndim == 3 else environment[..., None].repeat(3, axis=2)
         arrays[f"light {name}"] = grid_cells(*_LIGHT).average(rgb).astype(np.float32)
         lights[name] = {"rows": _LIGHT[0], "columns": _LIGHT[1], "radiance": f"light {name}"}
-    camera = r.camera
+    camera = r.face.camera
     numbers, packed = _packed(arrays)
     numbers |= {
         "low": low.tolist(),
@@ -91,7 +91,7 @@ def _seen(r: Reconstruction, position: np.ndarray, normal: np.ndarray) -> np.nda
     """(D, V) uint8: 1 where the vertex sees the direction."""
     directions = device(mi.Vector3f, grid_cells(*_CELLS).direction)
     point, up = device(mi.Point3f, position), device(mi.Vector3f, normal)
-    bits = trace(Mesh(r.vertices, r.triangles).scene, point, up, up, directions)
+    bits = trace(Mesh(r.face.mesh.vertices, r.face.mesh.triangles).scene, point, up, up, directions)
     words = bits.numpy().reshape(-1, len(position)).T.copy()
     count = dr.width(directions)
     return np.unpackbits(words.view(np.uint8), axis=1, count=count, bitorder="little").T

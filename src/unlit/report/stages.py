@@ -31,13 +31,13 @@ _REMEDY = "reconstruct the photo again, or remove it"
 
 def stage_pictures(state: Reconstruction) -> dict[str, bytes]:
     """The state's pictures by kind; no render where nothing is shaded yet, after the fit."""
-    inside = (state.mask > 0)[..., None]
+    inside = (state.face.mask > 0)[..., None]
     found = {
-        "albedo": webp(encoded(state.diffuse_albedo * inside), _LARGEST),
-        "normals": webp(normals(state.specular_normal * inside), _LARGEST),
+        "albedo": webp(encoded(state.face.maps.diffuse_albedo * inside), _LARGEST),
+        "normals": webp(normals(state.face.normals.specular * inside), _LARGEST),
     }
-    if state.render.any():
-        found["render"] = webp(encoded(state.render), _LARGEST)
+    if state.images.render.any():
+        found["render"] = webp(encoded(state.images.render), _LARGEST)
     return found
 
 

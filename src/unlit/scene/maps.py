@@ -37,7 +37,7 @@ class Maps:
         """The perturbation of the diffuse normal, (H, W, 3): the specular one, blurred."""
         return blur(self.perturbation, DIFFUSE_BLUR)
 
-    def brightened(self, gain: float) -> Maps:
+    def with_gain(self, gain: float) -> Maps:
         """Both albedos times `gain`."""
         diffuse, specular = (
             x * np.float32(gain) for x in (self.diffuse_albedo, self.specular_albedo)

@@ -99,7 +99,9 @@ def test_rows_and_cache(study: Study, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Subject, "photograph", never)
     again = list(study.rows(study.shots()))
     assert np.array_equal(again[0].relit[1].image, rows[0].relit[1].image)
-    assert np.array_equal(again[0].face.diffuse_albedo, rows[0].face.diffuse_albedo)
+    assert np.array_equal(
+        again[0].face.face.maps.diffuse_albedo, rows[0].face.face.maps.diffuse_albedo
+    )
     assert again[0].maps == rows[0].maps
     with pytest.raises(AssertionError, match="repeated"):
         list(replace(study, settings=short(31)).rows(study.shots()))
@@ -113,11 +115,15 @@ def test_each_stage_can_be_switched_off(study: Study, stage: int) -> None:
     assert row.variant == f"without stage {stage}"
     losses = row.face.metrics["losses"]
     assert sorted(losses) == [f"stage{k}" for k in range(1, 6) if k != stage]
-    for image in (row.face.diffuse_albedo, row.face.specular_albedo, row.face.render):
+    for image in (
+        row.face.face.maps.diffuse_albedo,
+        row.face.face.maps.specular_albedo,
+        row.face.images.render,
+    ):
         assert np.isfinite(image).all()
-    assert row.face.diffuse_albedo[study.subject.truth.seen].min() > 0
+    assert row.face.face.maps.diffuse_albedo[study.subject.truth.seen].min() > 0
     if stage == 3:
-        assert row.face.vertices == pytest.approx(study.subject.mesh()[0], abs=1e-4)
+        assert row.face.face.mesh.vertices == pytest.approx(study.subject.mesh()[0], abs=1e-4)
 
 
 def test_consistency(study: Study) -> None:
@@ -130,5 +136,5 @@ def test_consistency(study: Study) -> None:
     assert found["albedo_psnr"] > found["photo_psnr"] + 3
     same = consistency([faces[0], faces[0]])
     assert same["albedo_psnr"] == same["photo_psnr"] == pytest.approx(120, abs=1)
-    louder = replace(faces[0], image=faces[0].image * np.float32([0.5, 0.6, 0.7]))
+    louder = replace(faces[0], image=faces[0].photo.image * np.float32([0.5, 0.6, 0.7]))
     assert consistency([faces[0], louder])["photo_psnr"] > 100

@@ -41,8 +41,8 @@ def check(saved: Path, broken: Path, name: str, content: bytes) -> None:
     except OutputError as error:
         assert "\n" not in str(error)
     else:
-        assert face.triangles.max() < len(face.vertices)
-        assert face.image.shape == (len(face.image), len(face.image), 3)
+        assert face.face.mesh.triangles.max() < len(face.face.mesh.vertices)
+        assert face.photo.image.shape == (len(face.photo.image), len(face.photo.image), 3)
     finally:
         shutil.copy(saved / name, broken / name)
 

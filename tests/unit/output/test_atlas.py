@@ -25,9 +25,9 @@ class Seen:
     """The UV-mapped mesh as the photo's camera sees it, written independently of the baking."""
 
     def __init__(self, r: Reconstruction, atlas: Atlas) -> None:
-        mesh = Mesh(r.vertices, r.triangles)
-        hits = mesh.camera_hits(r.camera)
-        weights = surface_weights(r.camera, hits, mesh.vertices, mesh.triangles)[1].numpy().T
+        mesh = Mesh(r.face.mesh.vertices, r.face.mesh.triangles)
+        hits = mesh.camera_hits(r.face.camera)
+        weights = surface_weights(r.face.camera, hits, mesh.vertices, mesh.triangles)[1].numpy().T
         self.pixel, triangle = hits.pixel.numpy(), hits.triangle.numpy()
         self.skin = triangle < SKIN_TRIANGLES
 
@@ -113,7 +113,7 @@ def test_round_trip(r, atlas):
 
 def texel_points(r: Reconstruction, atlas: Atlas, triangle: int) -> tuple[np.ndarray, np.ndarray]:
     """Centres (K, 3) of the texels of one triangle's inside, and their (row, column)."""
-    uv = r.uv[r.triangle_uv[triangle]].astype(float)
+    uv = r.face.mesh.uv[r.face.mesh.triangle_uv[triangle]].astype(float)
     size = len(atlas.confidence)
     low, high = uv.min(axis=0) * size, uv.max(axis=0) * size
     x, y = np.meshgrid(
@@ -124,7 +124,7 @@ def texel_points(r: Reconstruction, atlas: Atlas, triangle: int) -> tuple[np.nda
         np.vstack([uv.T, np.ones(3)]), np.column_stack([at, np.ones(len(at))]).T
     ).T
     kept = (weights > 0.02).all(axis=1)
-    points = weights[kept] @ r.vertices[r.triangles[triangle]]
+    points = weights[kept] @ r.face.mesh.vertices[r.face.mesh.triangles[triangle]]
     return points, np.stack([size - 1 - y.ravel()[kept], x.ravel()[kept]], axis=1)
 
 
@@ -180,7 +180,9 @@ def test_what_lies_in_a_cast_shadow_is_not_measured(r, atlas):
 def test_a_layout_without_mirror_axis_is_not_mirrored():
     """A sheared layout: the unseen half is continued instead, and marked so."""
     r = small_head(shown=lambda point: point[:, 0] > CENTRE[0] - 0.5)
-    sheared = np.stack([r.uv[:, 0] * 0.7 + 0.3 * r.uv[:, 1], r.uv[:, 1]], axis=1)
+    sheared = np.stack(
+        [r.face.mesh.uv[:, 0] * 0.7 + 0.3 * r.face.mesh.uv[:, 1], r.face.mesh.uv[:, 1]], axis=1
+    )
     atlas = bake(dataclasses.replace(r, uv=sheared.astype("f4")), SIZE)
     levels = set(np.unique(atlas.confidence))
     assert {DIFFUSED, GRAZING, SEEN} <= levels
@@ -223,7 +225,7 @@ def test_eyes_take_no_skin_and_skin_no_eyes(shift):
 def test_closed_eyes_are_plain():
     """Eyeballs that the photo does not show are not painted with the lids in front of them."""
     r = small_head(albedo=lambda point: np.full((len(point), 3), 0.5))
-    regions = np.zeros_like(r.regions)
+    regions = np.zeros_like(r.photo.regions.weights)
     regions[..., 0] = 1
     atlas = bake(dataclasses.replace(r, regions=regions), SIZE)
     ball = slice(int(0.8 * SIZE), int(0.9 * SIZE)), slice(int(0.1 * SIZE), int(0.2 * SIZE))

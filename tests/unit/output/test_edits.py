@@ -52,9 +52,11 @@ def test_a_painted_png(result):
     again, files = edited(r, folder, 2)
     assert files == ["diffuse_albedo.png"]
     painted = decode_srgb(np.array([200, 100, 50]) / 255)
-    np.testing.assert_allclose(again.diffuse_albedo[4:9], np.broadcast_to(painted, (5, 32, 3)))
-    np.testing.assert_array_equal(again.diffuse_albedo[9:], r.diffuse_albedo[9:])
-    np.testing.assert_array_equal(again.mask, r.mask)
+    np.testing.assert_allclose(
+        again.face.maps.diffuse_albedo[4:9], np.broadcast_to(painted, (5, 32, 3))
+    )
+    np.testing.assert_array_equal(again.face.maps.diffuse_albedo[9:], r.diffuse_albedo[9:])
+    np.testing.assert_array_equal(again.face.mask, r.mask)
 
 
 def test_an_edited_exr(result):
@@ -65,7 +67,7 @@ def test_an_edited_exr(result):
     (folder / "specular_albedo.exr").write_bytes(exr(values))
     again, files = edited(r, folder, 5)
     assert files == ["specular_albedo.exr"]
-    np.testing.assert_array_equal(again.specular_albedo, values)
+    np.testing.assert_array_equal(again.face.maps.specular_albedo, values)
 
 
 def test_a_painted_mask_changes_the_regions(result):
@@ -75,12 +77,12 @@ def test_a_painted_mask_changes_the_regions(result):
     paint(folder / "mask.png", slice(14, 16), 0)
     again, files = edited(r, folder, 1)
     assert files == ["mask.png"]
-    face = again.regions[..., :4].sum(axis=-1)
+    face = again.photo.regions.weights[..., :4].sum(axis=-1)
     np.testing.assert_allclose(face[:10], 1)
     np.testing.assert_allclose(face[14:16], 0)
-    np.testing.assert_array_equal(again.regions[16:], r.regions[16:])
-    np.testing.assert_allclose(again.regions.sum(axis=-1), 1, atol=1e-6)
-    assert again.regions.min() >= 0
+    np.testing.assert_array_equal(again.photo.regions.weights[16:], r.regions[16:])
+    np.testing.assert_allclose(again.photo.regions.weights.sum(axis=-1), 1, atol=1e-6)
+    assert again.photo.regions.weights.min() >= 0
 
 
 @pytest.mark.parametrize(

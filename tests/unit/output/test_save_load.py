@@ -72,7 +72,7 @@ def test_the_lights_colour_and_the_gain(face, tmp_path):
     lit = dataclasses.replace(face.light, color=color)
     save(dataclasses.replace(face, light=lit, gain=gain), tmp_path / "a")
     again = load(tmp_path / "a")
-    assert_same(again.light_color, color)
+    assert_same(again.light.color, color)
     assert again.gain == gain
     read = mi.Bitmap(str(tmp_path / "a" / "environment.exr"))
     np.testing.assert_allclose(np.array(read), face.light.rasterize()[..., None] * color)
@@ -81,7 +81,7 @@ def test_the_lights_colour_and_the_gain(face, tmp_path):
     start, end = text.index("[light]"), text.index("[settings]")
     path.write_text(text[:start] + text[end:])
     older = load(tmp_path / "a")
-    assert_same(older.light_color, np.ones(3, np.float32))
+    assert_same(older.light.color, np.ones(3, np.float32))
     assert older.gain == 1
 
 

@@ -70,7 +70,7 @@ def test_a_painted_albedo_is_the_start(face, tmp_path):
     assert files == ["diffuse_albedo.png"]
     result = continued(start, 5, still(5))
     inside = result.mask > 0
-    gain = (result.diffuse_albedo / start.diffuse_albedo)[inside]
+    gain = (result.diffuse_albedo / start.face.maps.diffuse_albedo)[inside]
     np.testing.assert_allclose(gain, gain.mean(), rtol=1e-4)
     assert gain.mean() == pytest.approx(1, rel=0.05)
     np.testing.assert_allclose(

@@ -21,9 +21,11 @@ def table() -> Turntable:
 def test_not_turned() -> None:
     """At 0 degrees the maps are the result's own, as far as the atlas keeps them."""
     face, seen = table().face, table().turned(0)
-    inside = ndimage.binary_erosion((face.mask > 0) & (face.regions[..., 2] == 0), iterations=3)
-    assert seen.vertices == pytest.approx(face.vertices, abs=1e-5)
-    assert (seen.mask[face.mask > 0] == 1).all()
+    inside = ndimage.binary_erosion(
+        (face.face.mask > 0) & (face.photo.regions.weights[..., 2] == 0), iterations=3
+    )
+    assert seen.vertices == pytest.approx(face.face.mesh.vertices, abs=1e-5)
+    assert (seen.mask[face.face.mask > 0] == 1).all()
     for name in ("diffuse_albedo", "specular_albedo", "roughness"):
         ours, theirs = getattr(seen, name)[inside], getattr(face, name)[inside]
         assert np.abs(ours - theirs).mean() < 0.005 * theirs.mean()
@@ -36,13 +38,13 @@ def test_not_turned() -> None:
 def test_turned(degrees: float) -> None:
     """The nose goes the right way, and every point of the skin keeps its own albedo."""
     face, seen = table().face, table().turned(degrees)
-    middle = 0.5 * (face.vertices.min(axis=0) + face.vertices.max(axis=0))
-    nose = face.vertices[:, 2].argmax()
+    middle = 0.5 * (face.face.mesh.vertices.min(axis=0) + face.face.mesh.vertices.max(axis=0))
+    nose = face.face.mesh.vertices[:, 2].argmax()
     assert np.sign(seen.vertices[nose, 0] - middle[0]) == np.sign(degrees)
     # An independent truth: the albedo is a known function of the point before the turn.
     mesh = Mesh(seen.vertices, seen.triangles)
-    hits = mesh.camera_hits(face.camera)
-    at = surface(face.camera, hits, mesh.vertices, mesh.normals, mesh.triangles)[0].numpy().T
+    hits = mesh.camera_hits(face.face.camera)
+    at = surface(face.face.camera, hits, mesh.vertices, mesh.normals, mesh.triangles)[0].numpy().T
     a = np.radians(-degrees)
     back = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
     before = (at - middle) @ back.T + middle

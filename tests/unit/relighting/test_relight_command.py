@@ -38,7 +38,7 @@ def test_sun_from_the_left_lights_the_left(saved: Saved, tmp_path: Path, how: tu
         assert run(saved.result, "--light", "sun:-60,10", "--rotate", turn, "-o", out, *how) == 0
         picture = np.asarray(Image.open(out)).astype(float)
         assert picture.shape == (SIZE, SIZE, 3)
-        assert picture[saved.face.mask == 0].max() == 0
+        assert picture[saved.face.face.mask == 0].max() == 0
         means.append((picture[:, : SIZE // 2].mean(), picture[:, SIZE // 2 :].mean()))
     (left, right), (other_left, other_right) = means
     assert left > 2 * right
@@ -60,7 +60,7 @@ def test_brightness_and_files(saved: Saved, tmp_path: Path) -> None:
     shown = np.asarray(Image.open(tmp_path / "c.png"))
     wanted = 255 * np.clip(encode_srgb(found["a.exr"] / 2), 0, 1)
     assert np.abs(shown - wanted).max() <= 0.51
-    assert 0.05 < found["a.exr"][saved.face.mask > 0.5].mean() < 1
+    assert 0.05 < found["a.exr"][saved.face.face.mask > 0.5].mean() < 1
 
 
 @pytest.mark.parametrize("ending", ["png", "exr"])
@@ -76,15 +76,15 @@ def test_over_photo(saved: Saved, tmp_path: Path, ending: str) -> None:
     assert picture.shape == original.shape
     # Where each photo pixel lies in the crop, by the crop's definition.
     ys, xs = np.mgrid[: photo.shape[0], : photo.shape[1]] + 0.5
-    (scale, _, x0), (_, _, y0) = saved.face.crop.matrix
+    (scale, _, x0), (_, _, y0) = saved.face.photo.crop.matrix
     place = np.array([ys * scale + y0 - 0.5, xs * scale + x0 - 0.5])
-    reach = ndimage.maximum_filter(saved.face.mask, 3) > 0
+    reach = ndimage.maximum_filter(saved.face.face.mask, 3) > 0
     outside = ~ndimage.map_coordinates(reach, place, order=0, cval=False)
     assert 0.5 < outside.mean() < 0.95
     np.testing.assert_array_equal(picture[outside], original[outside])
-    face = ndimage.binary_fill_holes(saved.face.mask > 0)
+    face = ndimage.binary_fill_holes(saved.face.face.mask > 0)
     deep = ndimage.distance_transform_edt(face) > 0.11 * np.sqrt(face.sum()) + 2  # past the fade
-    full = (ndimage.minimum_filter(saved.face.mask, 3) == 1) & deep
+    full = (ndimage.minimum_filter(saved.face.face.mask, 3) == 1) & deep
     inside = ndimage.map_coordinates(full, place, order=0, cval=False)
     relit = read_picture(plain)
     channels = [ndimage.map_coordinates(relit[..., c], place, order=1) for c in range(3)]

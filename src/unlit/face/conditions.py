@@ -1,0 +1,41 @@
+"""What belongs to the moment of the photo besides the light's directions: its colour, shadows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..color import WHITE, is_white
+
+
+@dataclass(frozen=True)
+class LightEstimate:
+    """What an estimate of the light's colour says of itself.
+
+    used: whether it was taken. kelvin: the likeliest temperature; low, high: one deviation about
+    it; excess: squared deviations by which white is less likely. None where nothing was found.
+    """
+
+    used: bool
+    kelvin: float | None = None
+    low: float | None = None
+    high: float | None = None
+    excess: float | None = None
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """light_color: (3,) float32 linear sRGB. light_estimate: None where it was not estimated.
+
+    visibility: (S, S) float32 in [0, 1], 0 where something else than the head casts a shadow on
+    it; None without such a shadow.
+    """
+
+    light_color: np.ndarray = field(default_factory=WHITE.copy)
+    light_estimate: LightEstimate | None = None
+    visibility: np.ndarray | None = None
+
+    def balanced(self, image: np.ndarray) -> np.ndarray:
+        """`image` (S, S, 3), linear sRGB, as it would be under white light."""
+        return image if is_white(self.light_color) else image / self.light_color

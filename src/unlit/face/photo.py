@@ -1,0 +1,30 @@
+"""The photo's crop around the face, and what perception says of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..perception.regions import Regions
+from ..photo.crop import Crop
+from ..scene.camera import Camera
+
+
+@dataclass(frozen=True)
+class FacePhoto:
+    """A face in a photo, S x S pixels.
+
+    name: the photo's file name. image: (S, S, 3) float32 linear sRGB. camera: the crop's pinhole
+    camera; crop: where the crop lies in the photo. regions: soft masks of skin, lips, eyes,
+    eyebrows, mouth and background. landmarks: (L, 2) float32, pixels of the crop.
+    white_luminance: cd/m^2 of the linear value 1; None where the photo does not tell it.
+    """
+
+    name: str
+    image: np.ndarray
+    camera: Camera
+    crop: Crop
+    regions: Regions
+    landmarks: np.ndarray
+    white_luminance: float | None = None

@@ -1,0 +1,31 @@
+"""The head model fitted to a photo: to its landmarks, then to its shading."""
+
+from __future__ import annotations
+
+from threadpoolctl import threadpool_limits
+
+from ..face.face import PosedMesh
+from ..face.head import FittedHead
+from ..face.photo import FacePhoto
+from ..head.model import HeadModel
+from ..scene.surface_points import SurfacePoints
+from ..settings.settings import Settings
+from .landmarks import LandmarkProblem
+from .shading import photometric_fit
+
+
+def fit_head(photo: FacePhoto, model: HeadModel, settings: Settings) -> FittedHead:
+    """`model` fitted to the photo (paper, section 2.1). Raises FaceError."""
+    closed = bool(photo.regions.mouth.max() < 0.5)
+    problem = LandmarkProblem(model, photo.landmarks, photo.camera, image=photo.image)
+    with threadpool_limits(1, user_api="blas"):
+        fit = photometric_fit(
+            problem, problem.solve(closed), photo.image, photo.regions, mouth_closed=closed
+        )
+    return FittedHead(
+        PosedMesh(fit.vertices, model.triangles, model.uv, model.triangle_uv),
+        fit.landmarks.astype("float32"),
+        SurfacePoints(model.landmark_triangle, model.landmark_barycentric),
+        fit.landmark_residual,
+        f"{model.name}, {model.licence}",
+    )

@@ -1,0 +1,50 @@
+"""What the optimisation may use of the photo, at the crop's resolution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..face.conditions import Conditions
+from ..face.head import FittedHead
+from ..face.photo import FacePhoto
+from ..scene.camera import Camera
+from ..scene.surface_points import SurfacePoints
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What is known before the stages, as NumPy arrays.
+
+    image: (H, W, 3) linear sRGB, as under white light. regions: (H, W, 4) soft masks of skin,
+    lips, eyes, eyebrows. mask: (H, W) bool, the pixels that get maps. weight: (H, W) trust in the
+    photo there, 0 to 1. vertices: (V, 3) fitted mesh, world, cm; triangles: (F, 3). landmarks:
+    (L, 2) detected points, pixels; landmark_points: the same points on the mesh.
+    """
+
+    image: np.ndarray
+    regions: np.ndarray
+    mask: np.ndarray
+    weight: np.ndarray
+    camera: Camera
+    vertices: np.ndarray
+    triangles: np.ndarray
+    landmarks: np.ndarray
+    landmark_points: SurfacePoints
+
+
+def observation(photo: FacePhoto, head: FittedHead, conditions: Conditions) -> Observation:
+    """The photo without the light's colour; what lies in a cast shadow gets no weight."""
+    face, visibility = photo.regions.face, conditions.visibility
+    return Observation(
+        image=conditions.balanced(photo.image),
+        regions=photo.regions.weights[..., :4],
+        mask=face > 0.5,
+        weight=face if visibility is None else face * visibility,
+        camera=photo.camera,
+        vertices=head.mesh.vertices,
+        triangles=head.mesh.triangles,
+        landmarks=head.landmarks,
+        landmark_points=head.landmark_points,
+    )

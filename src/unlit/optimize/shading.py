@@ -1,0 +1,91 @@
+"""Shading of the problem's pixels: visibility, indirect light, and the sample the light follows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from ..machine.runtime import mitsuba
+from ..render.bounce import Bounce, Gloss
+from ..render.transport import Directions, Transport, shade, visibility
+from ..scene.arrays import device
+from ..scene.cells import Cells
+from ..scene.maps import Maps
+from .problem import Problem
+
+mi = mitsuba()
+
+
+class Shading:
+    """Everything that depends on the geometry and the quadrature: visibility, indirect light.
+
+    `indirect` (E, S: mi.Color3f of width P) is held constant between two calls of `update`. gloss:
+    what inter-reflection carries of the highlights; None has it computed for the next light.
+    """
+
+    def __init__(self, problem: Problem, cells: Cells, factors: Bounce | None = None) -> None:
+        self.problem, self.cells = problem, cells
+        self.directions = Directions(cells)
+        self.points = problem.points()
+        self.bits = visibility(problem.mesh.scene, self.points, self.directions)
+        self.factors = factors or self._factors()
+        self.bounce = self.factors.under(self.directions)
+        self.indirect: tuple[Any, Any] = (mi.Color3f(0), mi.Color3f(0))
+        self.gloss: Gloss | None = None
+
+    def _factors(self) -> Bounce:
+        problem = self.problem
+        roughness = problem.image(problem.roughness)
+        bounces = problem.settings.bounces
+        return Bounce(problem.mesh, problem.camera, problem.hits, roughness, bounces)
+
+    def under(self, cells: Cells) -> Shading:
+        """The same geometry under another quadrature: form factors do not depend on it."""
+        return Shading(self.problem, cells, self.factors)
+
+    def update(self, radiance: np.ndarray, maps: Maps, gain: float | None = None) -> None:
+        """Bring the indirect light up to date with the light's cell means (D,) and the maps.
+
+        gain: of albedo, the problem's if None; 1 for maps that have it already.
+        """
+        maps = maps.with_gain(
+            self.problem.albedo_gain(maps.diffuse_albedo) if gain is None else gain
+        )
+        change = self.problem.settings.gloss_change
+        flux = self.directions.flux(radiance)
+        if self.gloss is None or self.gloss.change(flux) > change:
+            self.gloss = self.bounce.gloss(radiance)
+        e, s = self.bounce.shade(radiance, maps, self.gloss)
+        self.indirect = (device(mi.Color3f, e), device(mi.Color3f, s))
+
+    def shade(self, radiance: np.ndarray) -> tuple[Any, Any]:
+        """Direct plus indirect E and S, mi.Color3f of width P, with the current normals."""
+        e, s = shade(self.points, self.directions, self.bits, radiance)
+        return mi.Color3f(e) + self.indirect[0], mi.Color3f(s) + self.indirect[1]
+
+
+class LightSample:
+    """An even sample of the pixels, enough for the light's few unknowns (stages 1 to 3).
+
+    Its transport is tabulated once, so that the light's gradient is two matrix products; the
+    indirect light of `shading` is taken as it stands at each call.
+    """
+
+    def __init__(self, problem: Problem, shading: Shading) -> None:
+        settings = problem.settings
+        count = min(settings.light_points, len(problem))
+        self.rows = np.unique(np.linspace(0, len(problem) - 1, count).astype(np.uint32))
+        self.index = device(mi.UInt32, self.rows)
+        points = shading.points.gather(self.index)
+        bits = visibility(problem.mesh.scene, points, shading.directions)
+        self.transport = Transport(points, shading.directions, bits)
+        self.target = self.of(problem.target)
+        self.weight = self.of(problem.weight)
+        self.weight /= dr.sum(self.weight)
+        dr.eval(self.target, self.weight)
+
+    def of(self, values: Any) -> Any:
+        """The sample of per-pixel values, of their own type."""
+        return dr.gather(type(values), values, self.index)

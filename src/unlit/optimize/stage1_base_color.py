@@ -1,0 +1,83 @@
+"""Stage 1, base colour and light (paper, section 3.1)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from ..machine.runtime import mitsuba
+from ..scene.arrays import device
+from ..scene.lobes import CellRadiance
+from .blend import Blend
+from .estimate import Estimate
+from .losses import image_l1
+from .problem import Problem
+from .shading import LightSample, Shading
+from .stage_run import StageRun, gloss_loss, light_parameters, light_rates, radiance_of, rendered
+
+mi = mitsuba()
+
+
+def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
+    """Base colour and light: one diffuse and one specular albedo per region (section 3.1).
+
+    With an albedo that cannot vary inside a region, shading has to be explained by the light. A
+    sample of the pixels is enough for so few unknowns.
+    """
+    settings, stage = problem.settings, problem.settings.stage1
+    sample = LightSample(problem, shading)
+    cells = CellRadiance(shading.cells)
+    everywhere, sampled = Blend(problem.regions), Blend(problem.regions[sample.rows])
+
+    diffuse, specular = _starting_colors(problem, sample, cells, estimate)
+    run = StageRun(
+        problem,
+        "stage1",
+        {**light_parameters(estimate), "log_diffuse": diffuse, "log_specular": specular},
+        {**light_rates(stage), "log_diffuse": stage.rate, "log_specular": stage.rate},
+    )
+    adam = run.adam
+
+    def blended(blend: Blend) -> tuple[Any, Any]:
+        base = blend(dr.exp(adam["log_diffuse"]), dr.exp(adam["log_specular"]))
+        return dr.log(base[0]), dr.log(base[1])
+
+    def spread() -> Estimate:
+        diffuse, specular = dr.detach(blended(everywhere))
+        light = run.result(estimate, *light_parameters(estimate))
+        return replace(light, log_diffuse=diffuse, log_specular=specular)
+
+    for iteration in range(stage.iterations):
+        if iteration % settings.refresh_interval == 0:
+            e, _ = sample.transport.shade(dr.detach(radiance_of(cells, adam)))
+            run.normalize_light(e + sample.of(shading.indirect[0]))
+            shading.update(dr.detach(radiance_of(cells, adam)).numpy(), problem.maps(spread()))
+        radiance = radiance_of(cells, adam)
+        e, s = sample.transport.shade(radiance)
+        e, s = e + sample.of(shading.indirect[0]), s + sample.of(shading.indirect[1])
+        log_diffuse, log_specular = blended(sampled)
+        image = rendered(log_diffuse, log_specular, e, s)
+        loss = stage.image * image_l1(image, sample.target, sample.weight)
+        loss += gloss_loss(settings, log_specular, s, sample.weight)
+        run.step(iteration, loss)
+    return spread()
+
+
+def _starting_colors(
+    problem: Problem, sample: LightSample, cells: CellRadiance, estimate: Estimate
+) -> tuple[Any, Any]:
+    """Log base colours that give each region its median colour under the starting light."""
+    e, _ = sample.transport.shade(device(mi.Float, cells.of(estimate.light())))
+    image = problem.observation.image.reshape(-1, 3)[problem.pixel[sample.rows]]
+    level = float(np.median(e.numpy()))
+    colours = []
+    evident = sample.weight.numpy() > 0
+    for share in problem.regions[sample.rows].T:
+        inside = evident & (share > 0.5)
+        colours.append(np.median(image[inside if inside.any() else evident], axis=0) / level)
+    log_colours = np.log(np.maximum(np.array(colours), 1e-3)).astype(np.float32)
+    specular = np.full(len(colours), np.log(problem.settings.nominal_specular), dtype=np.float32)
+    return device(mi.Color3f, log_colours), device(mi.Float, specular)

@@ -1,0 +1,59 @@
+"""metrics.json: how the run went, and the figures that its steps found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from ..errors import OutputError
+from ..face.conditions import LightEstimate
+from ..face.reconstruction import Metrics, Reconstruction
+
+
+@dataclass(frozen=True)
+class MetricsFile:
+    """The file's content: Metrics, FittedHead's residual and model, and what was found of the
+    light. unit_cd_m2: luminance of the photo's linear value 1.
+    """
+
+    losses: dict[str, list[tuple[int, float]]]
+    seconds: dict[str, float]
+    peak_memory_mb: float
+    warnings: tuple[str, ...] = ()
+    continued_from_stage: int | None = None
+    landmark_residual: float | None = None
+    head_model: str | None = None
+    unit_cd_m2: float | None = None
+    light_color: LightEstimate | None = None
+
+    def metrics(self) -> Metrics:
+        """The part that `Reconstruction.metrics` has."""
+        return Metrics(
+            self.losses,
+            self.seconds,
+            self.peak_memory_mb,
+            self.warnings,
+            self.continued_from_stage,
+        )
+
+
+def metrics_json(r: Reconstruction) -> str:
+    """The file's text."""
+    file = MetricsFile(
+        **vars(r.metrics),
+        landmark_residual=r.head.landmark_residual,
+        head_model=r.head.model,
+        unit_cd_m2=r.photo.white_luminance,
+        light_color=r.conditions.light_estimate,
+    )
+    return msgspec.json.format(msgspec.json.encode(file), indent=1).decode() + "\n"
+
+
+def read_metrics(path: Path, text: str) -> MetricsFile:
+    """The content of `path`. Raises OutputError."""
+    try:
+        return msgspec.json.decode(text, type=MetricsFile)
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise OutputError(f"{path}: not valid ({error}); reconstruct the photo again") from error

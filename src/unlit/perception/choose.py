@@ -1,0 +1,34 @@
+"""Which of the faces in a photo is meant."""
+
+from __future__ import annotations
+
+from ..errors import FaceError
+from .landmarks import Face
+
+
+def choose(faces: list[Face], which: str | int, source: str) -> Face:
+    """The face that was asked for. Raises FaceError naming the photo and the remedy."""
+    if not faces:
+        raise FaceError(
+            f"{source}: no face found; use a photo in which the face is upright, in focus and at "
+            "least 80 pixels wide"
+        )
+    if which == "only":
+        if len(faces) > 1:
+            raise FaceError(
+                f"{source}: {len(faces)} faces found; choose one with --face largest, left, right "
+                f"or N (0 to {len(faces) - 1}, from large to small), or crop the photo"
+            )
+        return faces[0]
+    if which == "largest":
+        return faces[0]
+    if which in ("left", "right"):
+        return (min if which == "left" else max)(faces, key=lambda face: face.box[0] + face.box[2])
+    if isinstance(which, int) and 0 <= which < len(faces):
+        return faces[which]
+    if len(faces) == 1:
+        raise FaceError(f"{source}: no face {which!r}; only one found: leave --face out")
+    raise FaceError(
+        f"{source}: no face {which!r}; {len(faces)} found: use largest, left, right or 0 to "
+        f"{len(faces) - 1}"
+    )

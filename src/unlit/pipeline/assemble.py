@@ -1,0 +1,132 @@
+"""From the stages' last estimate to the result: exact shading, the final gain, NumPy arrays."""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import sys
+from dataclasses import replace
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from ..conditions.cast_shadow import attenuation
+from ..face.conditions import Conditions
+from ..face.face import Face, Normals
+from ..face.gain import full_light
+from ..face.head import FittedHead
+from ..face.photo import FacePhoto
+from ..face.reconstruction import Images, Metrics, Reconstruction
+from ..face.warnings import warnings
+from ..machine.runtime import mitsuba
+from ..optimize.estimate import Estimate
+from ..optimize.problem import Problem
+from ..optimize.run_record import RunRecord
+from ..optimize.shading import Shading
+from ..optimize.solve import Solution
+from ..scene.arrays import device
+from ..scene.lobes import CellRadiance
+from ..scene.maps import Maps
+
+resource: Any = None
+with contextlib.suppress(ImportError):  # Unix only
+    import resource
+
+mi = mitsuba()
+
+
+def assemble(
+    photo: FacePhoto, head: FittedHead, conditions: Conditions, solution: Solution, run: RunRecord
+) -> Reconstruction:
+    """Everything as NumPy arrays; `solution` is left as it is."""
+    problem, estimate = solution.problem, solution.estimate
+    normals = _normals(problem, problem.maps(estimate))
+    gain, images = 1.0, Images(*(np.zeros((*problem.inside.shape, 3), np.float32),) * 3)
+    if solution.shading is not None:
+        shading = copy.copy(solution.shading)  # what the stages go on with is left as it is
+        shading.points = problem.points(normals["diffuse"], normals["specular"])
+        gain, estimate, e, s = _with_final_gain(problem, shading, estimate)
+        images = _images(photo, conditions, problem.maps(estimate), e, s)
+    mask = np.where(problem.inside, photo.regions.face, 0).astype(np.float32)
+    result = Reconstruction(
+        photo,
+        head,
+        conditions,
+        Face(
+            photo.camera,
+            replace(head.mesh, vertices=np.ascontiguousarray(estimate.vertices.numpy().T)),
+            problem.maps(estimate),
+            Normals(**{name: problem.image(n, "zero") for name, n in normals.items()}),
+            mask,
+        ),
+        replace(estimate.light(), color=conditions.light_color),
+        images,
+        gain,
+        problem.settings,
+        Metrics(dict(run.losses), dict(run.seconds), _peak_memory()),
+    )
+    if solution.shading is None:
+        return result
+    return replace(result, metrics=replace(result.metrics, warnings=warnings(result)))
+
+
+def _normals(problem: Problem, maps: Maps) -> dict[str, Any]:
+    """The mesh's normals bent by the perturbation (mi.Vector3f, P), specular and diffuse."""
+    mesh_normal = problem.points().specular_normal
+
+    def bent(perturbation: np.ndarray) -> Any:
+        rows = perturbation.reshape(-1, 3)[problem.pixel]
+        return dr.normalize(mesh_normal + device(mi.Vector3f, rows))
+
+    return {"specular": bent(maps.perturbation), "diffuse": bent(maps.diffuse_perturbation())}
+
+
+def _with_final_gain(
+    problem: Problem, shading: Shading, estimate: Estimate
+) -> tuple[float, Estimate, np.ndarray, np.ndarray]:
+    """The result's gain, the estimate that has it, and its E and S (S, S, 3) in white light."""
+    albedo = problem.maps(estimate).diffuse_albedo
+    e, s = _shade(problem, shading, estimate)
+    gain = problem.gain.of_result(albedo, e, problem.inside)
+    if gain == problem.albedo_gain(albedo):  # inter-reflection has it already
+        return gain, estimate.with_gain(gain), e / gain, s / gain
+    # The light is not divided by the gain alone: the stages had another, and light from skin to
+    # skin changes with it.
+    changed = estimate.with_gain(gain)
+    other, _ = _shade(problem, shading, changed, gain=1.0)
+    full = [full_light(image[problem.inside]) for image in (e, other)]
+    rest = float(np.log(full[0] / (gain * full[1])))
+    changed = replace(changed, log_amplitude=changed.log_amplitude + rest)
+    return gain, changed, *_shade(problem, shading, changed, gain=1.0)
+
+
+def _shade(
+    problem: Problem, shading: Shading, estimate: Estimate, gain: float | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Exact E and S of `estimate` under its white light, (S, S, 3); 0 where nothing is seen.
+
+    gain: as for `Shading.update`.
+    """
+    radiance = CellRadiance(shading.cells).of(estimate.light())
+    shading.update(radiance, problem.maps(estimate), gain)
+    e, s = shading.shade(radiance)
+    return problem.image(e, "zero"), problem.image(s, "zero")
+
+
+def _images(
+    photo: FacePhoto, conditions: Conditions, maps: Maps, e: np.ndarray, s: np.ndarray
+) -> Images:
+    """In the light's colour, with the shadow of something else."""
+    e, s = e * conditions.light_color, s * conditions.light_color
+    render = maps.diffuse_albedo * e + maps.specular_albedo[..., None] * s
+    if conditions.visibility is not None:
+        left = attenuation(photo.image, render, conditions.visibility)
+        e, s, render = e * left, s * left, render * left
+    return Images(e, s, render)
+
+
+def _peak_memory() -> float:
+    """Peak resident memory of this process, megabytes (10^6); 0 where the system does not tell."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss if resource else 0
+    return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
