@@ -73,7 +73,7 @@ class _Start:
         losses = {name: losses[name] for name in earlier if name in losses}
         return Begin(self.stage - 1, estimate, losses=losses)
 
-    def keep(self, *_: Any) -> None:
+    def keep(self, stage: str, problem: Any, estimate: Any, shading: Any, run: Any) -> None:
         """Nothing."""
 
 
