@@ -16,7 +16,7 @@ import numpy as np
 
 from ..machine.runtime import mitsuba
 from ..render.transport import linearize
-from ..scene.arrays import device
+from ..scene.arrays import at_least, device
 from ..scene.cells import Cells, grid_cells, refine
 from ..scene.gather import Corners
 from ..scene.light import grid_lobes
@@ -237,7 +237,7 @@ def _trusted(problem: Problem, e: Any) -> Any:
     """Weight of each pixel's evidence on the maps, sum 1: its own times (E / (E + error))^2."""
     level = dr.mean(dr.detach(e))
     weight = problem.weight * dr.square(
-        level / dr.fmax(level + problem.settings.shading_error, 1e-6)
+        level / at_least(level + problem.settings.shading_error, 1e-6)
     )
     weight /= dr.sum(weight)
     dr.eval(weight)
