@@ -53,7 +53,7 @@ def plan(resolution: int, iterations: Mapping[str, int], cores: int) -> dict[str
     megapixels = resolution**2 / 1e6
     rest = _REST + _REST_PER_MEGAPIXEL * megapixels
     speed = min(cores, 4) / _CORES
-    found = {}
+    found: dict[str, float] = {}
     for step, share in _REST_SHARE.items():
         if step in iterations or step not in _PACE:
             each, more = _PACE.get(step, (0.0, 0.0))

@@ -133,7 +133,7 @@ def _models() -> list[Check]:
     except ModelError as error:
         message, _, remedy = str(error).partition(": ")
         return [Check("models", False, message, remedy)]
-    found = []
+    found: list[Check] = []
     for status in statuses:
         if status.asset.command != "reconstruct":
             continue

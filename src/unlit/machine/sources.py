@@ -32,6 +32,10 @@ _UNREADABLE = (
 )
 
 
+def silent(entry: Asset, done: int, total: int) -> None:
+    """A Progress that tells nobody."""
+
+
 class SourceError(Exception):
     """A source did not deliver: why, in one line."""
 
@@ -64,9 +68,7 @@ def _download(source: Url, path: Path, entry: Asset, progress: Progress) -> None
         raise SourceError("the connection broke off") from error
 
 
-def _copy_bounded(
-    stream: IO[bytes], path: Path, entry: Asset, progress: Progress = lambda *_: None
-) -> None:
+def _copy_bounded(stream: IO[bytes], path: Path, entry: Asset, progress: Progress = silent) -> None:
     """Copy at most `entry.size` bytes; more is refused before it reaches the disk."""
     copied = 0
     with path.open("xb") as file:

@@ -29,7 +29,10 @@ def clock(seconds: float) -> str:
 
 def settings_lines(settings: Mapping[str, Any]) -> list[str]:
     """Readable lines of nested settings: the stages side by side, then one value a line."""
-    stages = {name: value for name, value in settings.items() if name.startswith("stage")}
+    tables: dict[str, dict[str, Any]] = {
+        name: value for name, value in settings.items() if isinstance(value, dict)
+    }
+    stages = {name: table for name, table in tables.items() if name.startswith("stage")}
     lines = ["settings"]
     if stages:
         lines.append(f"  {'':<22}" + "".join(f"{name:>9}" for name in stages))
@@ -37,10 +40,11 @@ def settings_lines(settings: Mapping[str, Any]) -> list[str]:
             row = "".join(f"{stage.get(field, ''):>9}" for stage in stages.values())
             lines.append(f"  {field:<22}{row}")
     for name, value in settings.items():
-        if isinstance(value, Mapping) and name not in stages:
-            lines += [f"  {f'{name}.{inner}':<22}{each!s:>9}" for inner, each in value.items()]
-        elif name not in stages:
+        if name not in tables:
             lines.append(f"  {name:<22}{value!s:>9}")
+    for name, table in tables.items():
+        if name not in stages:
+            lines += [f"  {f'{name}.{inner}':<22}{value!s:>9}" for inner, value in table.items()]
     return lines
 
 

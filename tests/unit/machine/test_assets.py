@@ -113,7 +113,7 @@ def test_manifest_is_sound():
         for source in entry.sources:
             if isinstance(source, Url):
                 assert source.url.startswith("https://")
-    text = "".join(Path(module.__file__).read_text() for module in (manifest, sources))
+    text = "".join(Path(str(module.__file__)).read_text() for module in (manifest, sources))
     assert not re.search(r"pypi|pythonhosted|--index-url|-i\b.*http", text, re.IGNORECASE)
     assert not re.search(r"pickle|torch\.load", text)
 

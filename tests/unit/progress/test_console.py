@@ -1,7 +1,7 @@
 """What a run, a download and steps print, on a terminal, in a notebook and elsewhere."""
 
 import io
-import types
+from dataclasses import dataclass
 
 import pytest
 from rich.console import Console
@@ -73,22 +73,22 @@ def test_brackets_are_no_markup():
     assert run.log.text() == "a[bold].jpg\n"
 
 
-def terminal(**options) -> Console:
-    return Console(file=io.StringIO(), width=120, force_terminal=True, **options)
+def terminal(stream: io.StringIO, **options) -> Console:
+    return Console(file=stream, width=120, force_terminal=True, **options)
 
 
 def test_a_terminal_gets_a_bar(clock):
     """The bar names stage, iteration and loss; nothing stays of it after an error either."""
-    console = terminal()
-    run = RunConsole(PLAN, console)
+    stream = io.StringIO()
+    run = RunConsole(PLAN, terminal(stream))
     with pytest.raises(KeyboardInterrupt), run:
         clock.now = 9
         run("stage1", 5, 10, 0.25)
         run._bar.refresh()
-        assert "5/10  loss 0.2500" in console.file.getvalue()
-        assert "stage 1" in console.file.getvalue()
+        assert "5/10  loss 0.2500" in stream.getvalue()
+        assert "stage 1" in stream.getvalue()
         raise KeyboardInterrupt
-    assert console.file.getvalue().endswith("\x1b[?25h\r\x1b[1A\x1b[2K")  # cursor and line
+    assert stream.getvalue().endswith("\x1b[?25h\r\x1b[1A\x1b[2K")  # cursor and line
 
 
 @pytest.mark.parametrize("widgets", [False, True])
@@ -96,18 +96,27 @@ def test_a_notebook_gets_a_bar_where_it_can_draw_one(monkeypatch, widgets):
     """Rich draws it with ipywidgets, without which it would only warn."""
     found = object() if widgets else None
     monkeypatch.setattr(display.importlib.util, "find_spec", lambda name: found)
-    assert RunConsole(PLAN, terminal(force_jupyter=True)).redraws is widgets
+    assert RunConsole(PLAN, terminal(io.StringIO(), force_jupyter=True)).redraws is widgets
+
+
+@dataclass(frozen=True)
+class File:
+    """What is fetched."""
+
+    name: str
+    size: int
 
 
 def test_downloads(clock):
     """A line for each file with what is kept of it, then one every ten seconds."""
-    console = Console(file=io.StringIO(), width=200)
-    small, part = (types.SimpleNamespace(name=n, size=10_000_000) for n in ("a.bin", "b.bin"))
+    stream = io.StringIO()
+    console = Console(file=stream, width=200)
+    small, part = File("a.bin", 10_000_000), File("b.bin", 10_000_000)
     with FetchConsole(console) as fetch:
         for clock.now, done in ((0, 1_000_000), (5, 5_000_000), (10, 10_000_000)):
             fetch(small, done, 10_000_000)
         fetch(part, 1_000_000, 60_000_000)
-    assert console.file.getvalue().splitlines() == [
+    assert stream.getvalue().splitlines() == [
         "fetching a.bin (10 MB)",
         "fetching a.bin: 10.0 of 10.0 MB",
         "fetching b.bin (60 MB, 10 MB of it kept)",
@@ -116,22 +125,24 @@ def test_downloads(clock):
 
 def test_steps(clock):
     """The first at once, others every ten seconds."""
-    console = Console(file=io.StringIO(), width=200)
+    stream = io.StringIO()
+    console = Console(file=stream, width=200)
     with StepConsole(console) as steps:
         for clock.now, what, done in ((0, "preparing", 0), (5, "a", 1), (10, "b", 2)):
             steps(what, done, 4)
-    assert console.file.getvalue().splitlines() == ["preparing", "b  2/4"]
+    assert stream.getvalue().splitlines() == ["preparing", "b  2/4"]
 
 
 def test_a_study(clock):
     """One line a step, and a face's own lines among them."""
-    console = Console(file=io.StringIO(), width=200)
+    stream = io.StringIO()
+    console = Console(file=stream, width=200)
     study = StudyConsole(PLAN, console)
     clock.now = 3
     with study.busy("reading"):
         pass
     with study.running("flash") as run:
         run("stage1", 1, 10, 0.5)
-    said = console.file.getvalue().splitlines()
+    said = stream.getvalue().splitlines()
     assert said[:2] == ["0:03  reading", "0:03  flash"]
     assert "1/10  loss 0.5000" in said[2]
