@@ -33,21 +33,19 @@ def encode_srgb(linear: Any) -> np.ndarray:
     sRGB, follow the linear segment through zero. The result is monotonic and inverted by
     `decode_srgb`.
     """
-    linear = np.asarray(linear, dtype=np.float32)
+    values: np.ndarray = np.asarray(linear, dtype=np.float32)
     # The power curve is evaluated at the knee or above only, so it never sees a negative base.
-    above = np.maximum(linear, np.float32(_KNEE_LINEAR))
+    above = np.maximum(values, np.float32(_KNEE_LINEAR))
     curve = (1 + _A) * above ** np.float32(1 / _GAMMA) - _A
-    return np.where(linear <= _KNEE_LINEAR, linear * np.float32(_SLOPE), curve).astype(np.float32)
+    return np.where(values <= _KNEE_LINEAR, values * np.float32(_SLOPE), curve).astype(np.float32)
 
 
 def decode_srgb(encoded: Any) -> np.ndarray:
     """Decode sRGB values, any shape, to linear sRGB, float32: the inverse of `encode_srgb`."""
-    encoded = np.asarray(encoded, dtype=np.float32)
-    above = np.maximum(encoded, np.float32(_KNEE_ENCODED))
+    values: np.ndarray = np.asarray(encoded, dtype=np.float32)
+    above = np.maximum(values, np.float32(_KNEE_ENCODED))
     curve = ((above + _A) / (1 + _A)) ** np.float32(_GAMMA)
-    return np.where(encoded <= _KNEE_ENCODED, encoded / np.float32(_SLOPE), curve).astype(
-        np.float32
-    )
+    return np.where(values <= _KNEE_ENCODED, values / np.float32(_SLOPE), curve).astype(np.float32)
 
 
 def is_white(color: np.ndarray) -> bool:

@@ -2,7 +2,14 @@
 
 
 class UnlitError(Exception):
-    """Base class. The message names the input that was wrong and what to do about it."""
+    """Base class. The message names the input that was wrong and what to do about it.
+
+    argument: name of the argument or setting that mends it, where there is one.
+    """
+
+    def __init__(self, message: str, argument: str = "") -> None:
+        super().__init__(message)
+        self.argument = argument
 
 
 class PhotoError(UnlitError):

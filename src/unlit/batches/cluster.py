@@ -64,7 +64,7 @@ def _client(scheduler: str) -> Client:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise MachineError(
             f"{scheduler}: no Dask scheduler answers ({reason}); start one with `dask scheduler`, "
-            "or leave --scheduler out to use this machine"
+            "or name none to use this machine"
         ) from error
 
 

@@ -183,7 +183,7 @@ def _rows(future: Future, job: Job) -> list[Row]:
     except KilledWorker as error:
         text = (
             f"{job.photo}: {error.allowed_failures + 1} worker processes died of it, perhaps for "
-            "want of memory; use a lower --resolution"
+            "want of memory; use a lower resolution"
         )
         return [Row(job.photo, error=text)]
     except UnlitError as error:

@@ -1,6 +1,6 @@
 """The folder of a batch, on this machine or on any file system that fsspec knows.
 
-    DIR/NAME/            a result, as `unlit reconstruct` writes it; NAME/face0 etc. with --face all
+    DIR/NAME/            a result, as `unlit reconstruct` writes it; NAME/face0 etc. of face="all"
     DIR/records/NAME.json  what is known of the photo (record.py)
     DIR/batch.csv, ...   the summary
 

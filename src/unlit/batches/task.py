@@ -7,7 +7,6 @@ whether its photo is done. It is light to import: the scheduler imports it, too.
 from __future__ import annotations
 
 import gc
-import io
 import threading
 import time
 from collections.abc import Callable
@@ -21,7 +20,7 @@ from .store import RECORDS, Store
 
 if TYPE_CHECKING:
     from ..photo.photo import Photo
-    from ..progress.console import RunConsole
+    from ..progress.log import Log
     from ..settings.settings import Settings
 
 #: Dr.Jit has one pool of threads and one queue of kernels per process: one photo at a time.
@@ -106,7 +105,7 @@ def failure(job: Job, error: Exception) -> Row:
     if isinstance(error, UnlitError):
         text = str(error)
     elif isinstance(error, MemoryError) or "out of memory" in str(error):
-        text = f"{job.photo}: not enough memory; use fewer workers or a lower --resolution"
+        text = f"{job.photo}: not enough memory; use fewer workers or a lower resolution"
     else:
         text = f"{job.photo}: {type(error).__name__}: {error}; try `unlit reconstruct` on it"
     return Row(job.photo, error=" ".join(text.split()))
@@ -141,7 +140,7 @@ def _result(
     with store.result(place, needed_bytes(settings.resolution)) as folder:
         result = reconstruct(photo, settings=settings, face=face, progress=progress)
         start = time.perf_counter()
-        save(result, folder, log.log())
+        save(result, folder, log.text())
     metrics = result.metrics
     return Row(
         photo=job.photo,
@@ -154,19 +153,17 @@ def _result(
     )
 
 
-def _log(photo: Photo, settings: Settings) -> RunConsole:
+def _log(photo: Photo, settings: Settings) -> Log:
     """What `unlit reconstruct` would print, kept for the result's log only."""
-    from rich.console import Console
-
-    from ..progress.console import RunConsole, settings_block
+    from ..progress.log import Log, settings_lines
     from ..settings.settings import as_dict
 
-    console = RunConsole(settings.iterations(), Console(file=io.StringIO()))
+    log = Log()
     height, width = photo.pixels.shape[:2]
-    console.say(f"photo     {photo.source}, {width} x {height}, {photo.colours}")
-    for line in settings_block(as_dict(settings)):
-        console.say(line)
-    return console
+    log.note(f"photo     {photo.source}, {width} x {height}, {photo.colours}")
+    for line in settings_lines(as_dict(settings)):
+        log.note(line)
+    return log
 
 
 def _take_share_of_cores() -> None:

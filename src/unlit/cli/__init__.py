@@ -61,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except (Exception, KeyboardInterrupt, SystemExit) as error:
-        return _explain(_cause(error), options.again)
+        return _explain(_cause(error), options)
 
 
 def _cause(error: BaseException) -> BaseException:
@@ -70,20 +70,17 @@ def _cause(error: BaseException) -> BaseException:
     return _cause(inner) if type(error) is RuntimeError and inner is not None else error
 
 
-def _explain(error: BaseException, again: str) -> int:
-    """Print one line about `error` and return the exit code; what is no user's doing is raised.
-
-    again: how to go on after an interruption.
-    """
+def _explain(error: BaseException, options: argparse.Namespace) -> int:
+    """Print one line about `error` and return the exit code; what is no user's doing is raised."""
     match error:
-        case SettingsError():
-            return _fail(error, 2)
-        case UnlitError():
-            return _fail(error, 1)
+        case UnlitError(argument=name):
+            # The library names its arguments; options are spelt in another way.
+            option = f" (option --{name.replace('_', '-')})" if name in vars(options) else ""
+            return _fail(f"{error}{option}", 2 if isinstance(error, SettingsError) else 1)
         case KeyboardInterrupt():
-            return _stopped("interrupted", again, 130)
+            return _stopped("interrupted", options.again, 130)
         case SystemExit(code=143):
-            return _stopped("asked to end", again, 143)
+            return _stopped("asked to end", options.again, 143)
         case BrokenPipeError():
             _drop_output()
             return 141
@@ -103,8 +100,8 @@ _LATER_SECONDS = 0.05
 _MEMORY = "not enough memory: close programs, or use --preset draft or a lower --resolution"
 
 
-def _fail(error: Exception | str, code: int) -> int:
-    print(f"unlit: error: {' '.join(str(error).split())}", file=sys.stderr)
+def _fail(error: str, code: int) -> int:
+    print(f"unlit: error: {' '.join(error.split())}", file=sys.stderr)
     return code
 
 

@@ -43,10 +43,10 @@ def run(options: argparse.Namespace) -> int:
 
     require_extra()
     from ..batches.photos import find_photos
-    from ..batches.progress import BatchConsole
     from ..batches.run import run_batch
     from ..batches.store import Store
     from ..head.library import head_model
+    from .batch_console import BatchConsole
 
     settings, folder = settings_of(options), options.output
     photos = find_photos(options.inputs)

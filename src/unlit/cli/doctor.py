@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .parser import command
+
+if TYPE_CHECKING:
+    from ..machine.doctor import Check
 
 
 def add(commands: Any) -> None:
@@ -23,10 +26,20 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     from ..machine.doctor import checks
 
-    found = checks()
+    found = [*checks(), _viewer()]
     width = max(len(check.name) for check in found)
     for check in found:
         print(f"{'ok ' if check.ok else 'BAD'}  {check.name:<{width}}  {check.detail}")
         if check.remedy:
             print(f"     {'':<{width}}  -> {check.remedy}")
     return int(not all(check.ok for check in found))
+
+
+def _viewer() -> Check:
+    """All else works without it."""
+    from ..machine.doctor import Check
+    from ..report.bundle import REMEDY, missing_because, program
+
+    if program() is not None:
+        return Check("viewer", True, "in the reports")
+    return Check("viewer", True, f"not in the reports: {missing_because()}", REMEDY)

@@ -52,6 +52,8 @@ def run(options: argparse.Namespace) -> int:
     settings = settings_of(options)
     from ..evaluate import command
     from ..head.library import head_model
+    from ..machine import cost
+    from ..progress.console import StudyConsole
 
     inputs, folder = [Path(name) for name in options.inputs], Path(options.output)
     if not options.same_person and len(inputs) != 1:
@@ -60,15 +62,21 @@ def run(options: argparse.Namespace) -> int:
     # LPIPS compares relit pictures, which only the whole protocol makes.
     whole = not (options.same_person or options.check)
     models.fetch("reconstruct", *(["evaluate"] if whole else []))
+    watch = StudyConsole(cost.plan(settings.resolution, settings.iterations(), cost.cores()))
     head_model(settings.head_model)  # tells now, not after the photos, if there is none
+    if options.check:
+        print(command.run_check(inputs[0], folder, settings, watch))
+        return 0
     if options.same_person:
-        print(command.run_persons(inputs, folder, settings, options.face))
-    elif options.check:
-        print(command.run_check(inputs[0], folder, settings))
+        path = command.run_persons(inputs, folder, settings, options.face, watch)
     else:
         lights = (options.lights or "flash,uniform").split(",")
         samples, ablation, own = options.samples or 256, options.ablation, options.true_mesh
-        print(command.run_subject(inputs[0], folder, settings, lights, samples, ablation, own))
+        path = command.run_subject(
+            inputs[0], folder, settings, lights, samples, ablation, own, watch
+        )
+    print(path.read_text())
+    print(path)
     return 0
 
 

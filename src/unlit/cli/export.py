@@ -59,5 +59,7 @@ def run(options: argparse.Namespace) -> int:
     source = Path(options.folder)
     target = Path(options.output) if options.output else source / "export"
     size, directx, maps = options.size, options.directx, options.only_maps
-    print(export(load(source), target, source, options.format, size, directx, StepConsole(), maps))
+    with StepConsole() as progress:
+        path = export(load(source), target, source, options.format, size, directx, progress, maps)
+    print(path)
     return 0

@@ -79,7 +79,9 @@ def _add(name: str | None, folder: str | None) -> int:
     from ..head import library
     from ..progress.console import StepConsole
 
-    print(library.add(name, Path(folder), StepConsole()))
+    with StepConsole() as progress:
+        path = library.add(name, Path(folder), progress)
+    print(path)
     return 0
 
 
@@ -88,7 +90,7 @@ def fetch(*commands: str) -> None:
     from ..machine import assets
     from ..progress.console import FetchConsole
 
-    progress = FetchConsole()
-    for name, entry in assets.ASSETS.items():
-        if not commands or entry.command in commands:
-            assets.asset(name, progress)
+    with FetchConsole() as progress:
+        for name, entry in assets.ASSETS.items():
+            if not commands or entry.command in commands:
+                assets.asset(name, progress)

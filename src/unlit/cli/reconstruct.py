@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import OutputError, SettingsError
 from . import models
 from .parser import command
 from .settings import add_settings, settings_of
+
+if TYPE_CHECKING:
+    from ..progress.console import RunConsole
+    from ..progress.log import Log
+    from ..settings.settings import Settings
 
 
 def add(commands: Any) -> None:
@@ -93,7 +100,6 @@ def reconstruct_into(
 
     mask: a picture file. resume: go on with an unfinished run.
     """
-    from ..progress.console import RunConsole, standard_error
 
     settings = settings_of(options)
     from ..output import CHECKPOINT, RESULT_FILES, needed_bytes, reserve
@@ -111,23 +117,20 @@ def reconstruct_into(
         checkpoint = Checkpoint(folder / CHECKPOINT, resume)
         if resume and not checkpoint.stage and (folder / MARK).exists():
             _check_finished(folder, photo, settings)
-            line = f"{folder}: finished before, nothing to resume"
-            standard_error().print(line, markup=False, soft_wrap=True)
+            print(f"{folder}: finished before, nothing to resume", file=sys.stderr)
             print(folder / "montage.png")
             return 0
-        iterations = settings.iterations(checkpoint.stage)
-        with RunConsole(iterations) as console:
-            height, width = photo.pixels.shape[:2]
-            console.say(f"photo     {photo.source}, {width} x {height}, {photo.colours}")
-            if mask is not None:
-                console.say(f"mask      {mask}")
-            console.say(f"preset    {options.preset}")
-            console.say(f"model     {head.name}, {head.licence}")
-            if resume:
-                stage = checkpoint.stage
-                found = f"after stage {stage}" if stage else "nothing to resume, from the start"
-                console.say(f"resume    {found}")
-            _say_settings(console, settings, preview, iterations)
+        height, width = photo.pixels.shape[:2]
+        facts = {"photo": f"{photo.source}, {width} x {height}, {photo.colours}"}
+        if mask is not None:
+            facts["mask"] = mask
+        facts["preset"] = options.preset
+        facts["model"] = f"{head.name}, {head.licence}"
+        if resume:
+            stage = checkpoint.stage
+            found = f"after stage {stage}" if stage else "nothing to resume, from the start"
+            facts["resume"] = found
+        with _console(facts, settings, preview, checkpoint.stage) as console:
             states = _States(preview)
             result = reconstruct(
                 photo,
@@ -139,7 +142,7 @@ def reconstruct_into(
                 preview=states,
                 checkpoint=checkpoint,
             )
-            _save(console, result, folder, states)
+            _save(console.log, result, folder, states)
     print(folder / "montage.png")
     return 0
 
@@ -158,8 +161,6 @@ def _check_finished(folder: Path, photo: Any, settings: Any) -> None:
 
 def _continue(options: argparse.Namespace) -> int:
     """Run some stages again on a saved result."""
-    from ..progress.console import RunConsole
-
     unused = {
         "PHOTO": options.photo is not None,
         "--mask": options.mask is not None,
@@ -192,32 +193,40 @@ def _continue(options: argparse.Namespace) -> int:
 
         check_resumable(face, stage, settings)
         face, files = edited(face, source, stage)
-        iterations = settings.iterations(stage - 1)
-        with RunConsole(iterations) as console:
-            console.say(f"result    {source}, of {face.photo.name}, from stage {stage}")
-            pull = "; a start, on which the photo pulls again" if files else ""
-            console.say(f"edited    {', '.join(files) or 'nothing'}{pull}")
-            _say_settings(console, settings, preview, iterations)
+        pull = "; a start, on which the photo pulls again" if files else ""
+        facts = {
+            "result": f"{source}, of {face.photo.name}, from stage {stage}",
+            "edited": f"{', '.join(files) or 'nothing'}{pull}",
+        }
+        with _console(facts, settings, preview, stage - 1) as console:
             states = _States(preview)
             result = resume(face, stage, settings, console, states)
-            _save(console, result, folder, states)
+            _save(console.log, result, folder, states)
     print(folder / "montage.png")
     return 0
 
 
-def _say_settings(console: Any, settings: Any, preview: Path, iterations: dict[str, int]) -> None:
-    from ..machine import cost as footprint
-    from ..progress.console import settings_block
+def _console(facts: Mapping[str, str], settings: Settings, preview: Path, done: int) -> RunConsole:
+    """For a run whose stages up to `done` are over: says `facts` and what the rest will take."""
+    from ..machine import cost
+    from ..progress.console import RunConsole
+    from ..progress.log import settings_lines
     from ..settings.settings import as_dict
 
-    for line in settings_block(as_dict(settings)):
-        console.note(line)
-    minutes = footprint.seconds(settings.resolution, iterations, footprint.cores()) / 60
-    console.say(
-        f"expects   some {minutes:.1f} minutes on {footprint.cores()} cores, "
-        f"{footprint.memory(settings.resolution) / 1e9:.1f} GB of memory at most"
+    cores = cost.cores()
+    plan = cost.plan(settings.resolution, settings.iterations(done), cores)
+    console = RunConsole(plan)
+    say = console.log.say
+    for name, fact in facts.items():
+        say(f"{name:<9} {fact}")
+    for line in settings_lines(as_dict(settings)):
+        console.log.note(line)
+    say(
+        f"expects   some {sum(plan.values()) / 60:.1f} minutes on {cores} cores, "
+        f"{cost.memory(settings.resolution) / 1e9:.1f} GB of memory at most"
     )
-    console.say(f"preview   {preview}")
+    say(f"preview   {preview}")
+    return console
 
 
 class _States:
@@ -235,18 +244,18 @@ class _States:
         self.taken.append((stage, stage_pictures(state)))
 
 
-def _save(console: Any, result: Any, folder: Path, states: _States) -> None:
+def _save(log: Log, result: Any, folder: Path, states: _States) -> None:
     from ..output import REPORT, STAGES, save
     from ..report.page import report_html
     from ..report.stages import pack_stages
 
     if (residual := result.head.landmark_residual) is not None:
-        console.say(f"landmark_residual  {residual:.4g}")
-    console.say(f"peak_memory_mb  {result.metrics.peak_memory_mb:.4g}")
+        log.say(f"landmark_residual  {residual:.4g}")
+    log.say(f"peak_memory_mb  {result.metrics.peak_memory_mb:.4g}")
     for warning in result.metrics.warnings:
-        console.say(f"warning  {warning}")
+        log.say(f"warning  {warning}")
     pages = {
         STAGES: lambda _: pack_stages(states.taken),
         REPORT: lambda atlas: report_html(result, atlas, states.taken).encode(),
     }
-    save(result, folder, console.log(), pages)
+    save(result, folder, log.text(), pages)

@@ -27,9 +27,12 @@ def add(commands: Any) -> None:
         "  unlit relight portrait --light photo --turntable --fast -o turn.gif",
     )
     parser.add_argument("folder", metavar="DIR", help="a folder that `unlit reconstruct` wrote")
-    parser.add_argument(
-        "-o", "--output", metavar="FILE", required=True, help=".png, .exr, .mp4 or .gif"
-    )
+    _add_light(parser)
+    _add_picture(parser)
+
+
+def _add_light(parser: argparse.ArgumentParser) -> None:
+    """Options of the light and of what moves."""
     parser.add_argument(
         "--light",
         metavar="LIGHT",
@@ -62,6 +65,13 @@ def add(commands: Any) -> None:
         metavar="STOPS",
         help="1 doubles the light, -1 halves it (0)",
     )
+
+
+def _add_picture(parser: argparse.ArgumentParser) -> None:
+    """Options of the file that is written."""
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", required=True, help=".png, .exr, .mp4 or .gif"
+    )
     parser.add_argument(
         "--over-photo",
         type=Path,
@@ -87,5 +97,7 @@ def run(options: argparse.Namespace) -> int:
     from ..relighting.command import Order, relight
 
     asked = {name: getattr(options, name) for name in Order.__dataclass_fields__}
-    print(relight(Path(options.folder), Path(options.output), Order(**asked), StepConsole()))
+    with StepConsole() as progress:
+        path = relight(Path(options.folder), Path(options.output), Order(**asked), progress)
+    print(path)
     return 0

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sys
-import time
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from ..errors import FaceError, SettingsError, SubjectError
 from ..face.reconstruction import Reconstruction
+from ..optimize.problem import Progress
 from ..output import write_one
 from ..output.images import png
 from ..photo.photo import Photo, read_photo
 from ..pipeline.chain import reconstruct
-from ..progress.console import RunConsole, clock, standard_error
 from ..relighting.lights import LIGHTS, named
 from ..settings.settings import Settings, as_dict
 from ..storage.keys import RECONSTRUCTION, code, key
@@ -37,39 +35,28 @@ _CACHE = "steps"
 
 
 def light(name: str) -> Light:
-    """A light by the name that `--lights` takes; from a file it has the file's name.
+    """A light by name (`lights.named`); from a file it has the file's name.
 
     Raises SettingsError or PictureError.
     """
     return Light(name if name in LIGHTS else Path(name).stem, named(name))
 
 
-class Teller:
-    """Says on standard error what is being done; one line a step."""
+class Watch(Protocol):
+    """Told of what is being done; both are entered with its name while it lasts."""
 
-    def __init__(self, settings: Settings) -> None:
-        self.console = standard_error()
-        self.stages = settings.iterations()
-        self.start = time.monotonic()
+    def busy(self, name: str) -> AbstractContextManager[object]:
+        """A step without a progress of its own."""
+        ...
 
-    def say(self, text: str) -> None:
-        self.console.print(f"{clock(time.monotonic() - self.start)}  {text}", markup=False)
-
-    def busy(self, name: str) -> AbstractContextManager[Any]:
-        """While a step without a progress of its own is done."""
-        self.say(name)
-        return self.console.status(name) if self.console.is_terminal else nullcontext()
-
-    def running(self, name: str) -> RunConsole:
-        """While a face is reconstructed."""
-        self.say(name)
-        return RunConsole(self.stages, self.console)
+    def running(self, name: str) -> AbstractContextManager[Progress]:
+        """A reconstruction; what is entered is told of its progress."""
+        ...
 
 
-def run_check(file: Path, folder: Path, settings: Settings) -> Path:
+def run_check(file: Path, folder: Path, settings: Settings, watch: Watch) -> Path:
     """Render the subject under three lights; returns the picture's path."""
-    teller = Teller(settings)
-    study = _study(file, folder, settings, ("flash", "uniform", "side"), 64, False, teller)
+    study = _study(file, folder, settings, ("flash", "uniform", "side"), 64, False, watch)
     path = folder / "check.png"
     write_one(path, png(check_sheet(study.subject, study.shots())))
     return path
@@ -83,13 +70,13 @@ def run_subject(
     samples: int,
     ablation: bool,
     true_mesh: bool,
+    watch: Watch,
 ) -> Path:
     """The whole protocol; returns the path of the Markdown tables."""
     check_packages()
     if ablation and not set(lights) & set(_ABLATION):
-        raise SettingsError(f"--ablation needs {' or '.join(_ABLATION)} in --lights")
-    teller = Teller(settings)
-    study = _study(file, folder, settings, lights, samples, true_mesh, teller)
+        raise SettingsError(f"an ablation needs {' or '.join(_ABLATION)} among the lights")
+    study = _study(file, folder, settings, lights, samples, true_mesh, watch)
     shots = study.shots()
     rows = list(study.rows(shots))
     if ablation:
@@ -113,14 +100,15 @@ def run_subject(
     return _write(folder, study.subject.name, facts, tables(result), result, ["figure.png"])
 
 
-def run_persons(paths: Sequence[Path], folder: Path, settings: Settings, face: str | int) -> Path:
+def run_persons(
+    paths: Sequence[Path], folder: Path, settings: Settings, face: str | int, watch: Watch
+) -> Path:
     """One person on several photos; returns the path of the Markdown table."""
     if len(paths) < 2:
-        raise FaceError("--same-person needs two photos or more")
-    teller = Teller(settings)
+        raise FaceError("to compare one person's albedos takes two photos or more")
     photos = [read_photo(path) for path in paths]
-    store = Store(folder / _CACHE, teller.busy)
-    faces = [_person(photo, store, settings, face, teller) for photo in photos]
+    store = Store(folder / _CACHE, watch.busy)
+    faces = [_person(photo, store, settings, face, watch) for photo in photos]
     result = consistency(faces)
     body = [
         (*pair["photos"], f"{pair['albedo_psnr']:.1f}", f"{pair['photo_psnr']:.1f}")
@@ -137,13 +125,13 @@ def run_persons(paths: Sequence[Path], folder: Path, settings: Settings, face: s
 
 
 def _person(
-    photo: Photo, store: Store, settings: Settings, face: str | int, teller: Teller
+    photo: Photo, store: Store, settings: Settings, face: str | int, watch: Watch
 ) -> Reconstruction:
     name = Path(photo.source).stem
     made = key(photo.pixels, photo.focal, str(face), as_dict(settings), code(RECONSTRUCTION))
 
     def make() -> Reconstruction:
-        with teller.running(name) as progress:
+        with watch.running(name) as progress:
             return reconstruct(photo, settings=settings, face=face, progress=progress)
 
     return store.reconstruction(name, made, make)
@@ -156,18 +144,18 @@ def _study(
     lights: Sequence[str],
     samples: int,
     true_mesh: bool,
-    teller: Teller,
+    watch: Watch,
 ) -> Study:
     known = tuple(light(name) for name in lights)
     names = [found.name for found in known]
     for given, name in zip(lights, names, strict=True):
         if names.count(name) > 1:
-            raise SettingsError(f"--lights: {given}: two lights are called {name!r}; rename one")
+            raise SettingsError(f"{given}: two lights are called {name!r}; rename one")
     files = files_of(file)
-    with teller.busy("reading the subject"):
+    with watch.busy("reading the subject"):
         content = key(settings.resolution, *map(_digest, files))
         subject = read_subject(file, settings.resolution)
-    store = Store(folder / _CACHE, teller.busy)
+    store = Store(folder / _CACHE, watch.busy)
     return Study(
         subject,
         content,
@@ -177,7 +165,7 @@ def _study(
         samples,
         settings.seed,
         true_mesh,
-        teller.running,
+        watch.running,
     )
 
 
@@ -209,9 +197,7 @@ def _write(
     result: dict[str, Any],
     pictures: list[str],
 ) -> Path:
-    text = markdown(title, facts, found)
     write_one(folder / "evaluation.json", json.dumps(result, indent=1).encode())
     write_one(folder / "evaluation.html", page(title, facts, found, pictures).encode())
-    write_one(folder / "evaluation.md", text.encode())
-    print(text, file=sys.stdout)
+    write_one(folder / "evaluation.md", markdown(title, facts, found).encode())
     return folder / "evaluation.md"

@@ -5,8 +5,8 @@ version 0.1 with the authors' linear weights: the features of five layers are no
 length per position, and the squared differences weighted and added over channels. Plain NumPy:
 five convolutions as products of matrices.
 
-The weights are a pickle of NumPy arrays. It is verified before it is opened (assets.py), and the
-reader can make arrays and nothing else.
+The weights are a pickle of NumPy arrays. It is verified before it is opened (machine/assets.py),
+and the reader can make arrays and nothing else.
 """
 
 from __future__ import annotations

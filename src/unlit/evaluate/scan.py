@@ -19,7 +19,7 @@ from ..machine.runtime import mitsuba
 from ..perception.landmarks import find_faces
 from ..photo.crop import face_crop
 from ..render.reference import FaceBSDF, mesh_body, trace
-from ..scene.arrays import device
+from ..scene.arrays import at_least, device
 from ..scene.camera import Camera
 from ..scene.light import uniform
 from ..scene.mesh import camera_rays
@@ -85,11 +85,11 @@ class ScanBSDF(FaceBSDF):
         n = mi.Vector3f(si.sh_frame.n)
         if not self.object_space:
             tangent = si.dp_du - n * dr.dot(n, si.dp_du)
-            tangent *= dr.rsqrt(dr.fmax(dr.squared_norm(tangent), 1e-20))
+            tangent *= dr.rsqrt(at_least(dr.squared_norm(tangent), 1e-20))
             across = dr.cross(n, tangent)
             across = dr.select(dr.dot(across, si.dp_dv) < 0, -across, across)
             bent = tangent * bent.x + across * bent.y + n * bent.z
-        bent *= dr.rsqrt(dr.fmax(dr.squared_norm(bent), 1e-20))
+        bent *= dr.rsqrt(at_least(dr.squared_norm(bent), 1e-20))
         return (
             mi.Color3f(look["diffuse"]),
             look["specular"][0],

@@ -64,7 +64,7 @@ def _cast_shadow(share: float) -> str:
     return (
         f"Cast shadow: {share:.0%} of the face seems to lie in the shadow of something else (hair, "
         "a hat, a hand). There the maps are filled in from around; if it is the skin itself that "
-        "is dark, use --cast-shadows keep."
+        "is dark, set cast_shadows to keep."
     )
 
 
@@ -91,7 +91,7 @@ def _impossible(share: float) -> str:
         return ""
     return (
         f"Bright: the diffuse albedo of {share:.1%} of the face exceeds 1, which no skin does. "
-        "What --exposure or --light-color was told does not fit this photo; 8-bit files are "
+        "What exposure or light_color was told does not fit this photo; 8-bit files are "
         "clipped."
     )
 

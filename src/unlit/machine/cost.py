@@ -23,8 +23,19 @@ _PACE = {
     "stage5": (1.0, 72.0),
 }
 _CORES = 2
-#: Seconds of everything but the iterations, and more for each million pixels.
+#: Seconds of everything but the iterations, and more for each million pixels; who takes them.
 _REST, _REST_PER_MEGAPIXEL = 24.0, 25.0
+_REST_SHARE = {
+    "photo": 0.01,
+    "perception": 0.02,
+    "fit": 0.15,
+    "stage1": 0.13,
+    "stage2": 0.13,
+    "stage3": 0.16,
+    "stage4": 0.04,
+    "stage5": 0.05,
+    "finish": 0.31,
+}
 
 _UNITS = {"GB": 1e9, "GIB": 2.0**30, "MB": 1e6, "MIB": 2.0**20}
 
@@ -34,16 +45,21 @@ def memory(resolution: int) -> float:
     return _MEMORY + _MEMORY_PER_PIXEL * resolution**2
 
 
-def seconds(resolution: int, iterations: Mapping[str, int], cores: int) -> float:
-    """Rough duration for `iterations` by stage ("stage1" to "stage5") on `cores` cores.
+def plan(resolution: int, iterations: Mapping[str, int], cores: int) -> dict[str, float]:
+    """Rough seconds of each step in order, for `iterations` of some of "stage1" to "stage5".
 
-    Measured on one and two; up to four are taken to help as much, more not at all.
+    Measured on one and two cores; up to four are taken to help as much, more not at all.
     """
     megapixels = resolution**2 / 1e6
-    stages = sum(
-        count * (_PACE[name][0] + _PACE[name][1] * megapixels) for name, count in iterations.items()
-    )
-    return (stages / 1000 + _REST + _REST_PER_MEGAPIXEL * megapixels) * _CORES / min(cores, 4)
+    rest = _REST + _REST_PER_MEGAPIXEL * megapixels
+    speed = min(cores, 4) / _CORES
+    found: dict[str, float] = {}
+    for step, share in _REST_SHARE.items():
+        if step in iterations or step not in _PACE:
+            each, more = _PACE.get(step, (0.0, 0.0))
+            pace = (each + more * megapixels) / 1000
+            found[step] = (share * rest + iterations.get(step, 0) * pace) / speed
+    return found
 
 
 def cores() -> int:
@@ -57,9 +73,9 @@ def check_memory(limit: float, resolution: int) -> None:
         return
     fitting = [side for side in (1536, 1024, 768, 512, 384, 256) if memory(side) <= limit]
     least = f"no resolution takes less than the {memory(256) / 1e9:.2f} GB of 256 pixels"
-    remedy = f"use --resolution {fitting[0]}" if fitting else f"allow more: {least}"
+    remedy = f"use resolution={fitting[0]}" if fitting else f"allow more: {least}"
     taken = f"{resolution} pixels are taken to need {memory(resolution) / 1e9:.2f} GB"
-    raise SettingsError(f"--memory {limit / 1e6:.0f}MB: {taken}; {remedy}")
+    raise SettingsError(f"{limit / 1e6:.0f} MB of memory: {taken}; {remedy}", "memory")
 
 
 def read_size(text: str) -> float:

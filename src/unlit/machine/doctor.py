@@ -70,17 +70,7 @@ def checks() -> list[Check]:
         _memory(),
         _disk(),
         _cores(),
-        _viewer(),
     ]
-
-
-def _viewer() -> Check:
-    from ..report.bundle import REMEDY, missing_because, program
-
-    if program() is not None:
-        return Check("viewer", True, "in the reports")
-    # All else works without it.
-    return Check("viewer", True, f"not in the reports: {missing_because()}", REMEDY)
 
 
 def _python() -> Check:
@@ -143,7 +133,7 @@ def _models() -> list[Check]:
     except ModelError as error:
         message, _, remedy = str(error).partition(": ")
         return [Check("models", False, message, remedy)]
-    found = []
+    found: list[Check] = []
     for status in statuses:
         if status.asset.command != "reconstruct":
             continue
@@ -168,7 +158,7 @@ def _memory() -> Check:
         f"{free / (1 << 30):.1f} GB free",
         ""
         if ok
-        else f"{NEEDED_MEMORY >> 30} GB may be needed: close programs or use --preset draft",
+        else f"{NEEDED_MEMORY >> 30} GB may be needed: close programs or use the draft preset",
     )
 
 

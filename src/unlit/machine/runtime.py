@@ -10,7 +10,7 @@ import contextlib
 import functools
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 from types import ModuleType
 
@@ -62,9 +62,10 @@ def mitsuba() -> ModuleType:
     if wanted is not None and wanted not in known:
         raise MachineError(f"{VARIANT_VARIABLE}={wanted}: choose one of {', '.join(known)}")
     backends = {"cuda_ad_rgb": dr.JitBackend.CUDA, "llvm_ad_rgb": dr.JitBackend.LLVM}
-    if (0,) < tuple(dr.detail.llvm_version()) < (16,):
+    version = tuple(map(int, dr.detail.llvm_version()))  # pyright: ignore[reportUnknownMemberType]
+    if (0,) < version < (16,):
         raise MachineError(
-            f"LLVM {dr.detail.llvm_version()[0]} was loaded, which crashes on these kernels: "
+            f"LLVM {version[0]} was loaded, which crashes on these kernels: "
             "import unlit before drjit and mitsuba, or set DRJIT_LIBLLVM_PATH to LLVM 16 or newer"
         )
     for variant in (wanted,) if wanted else known:
@@ -76,7 +77,7 @@ def mitsuba() -> ModuleType:
 
 
 @contextlib.contextmanager
-def second_thread() -> Iterator[None]:
+def second_thread() -> Generator[None]:
     """Let Dr.Jit have two threads at least, as it has not on one core or in a worker of a batch.
 
     Mitsuba's OpenEXR hands its work to Dr.Jit's pool and waits, without lending a hand: with the

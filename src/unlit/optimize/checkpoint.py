@@ -33,7 +33,7 @@ from .stages import Begin
 
 mi = mitsuba()
 
-_REMEDY = "leave out --resume to start anew"
+_REMEDY = "start anew instead of resuming"
 _ABOUT = {"about": Kind(("B",), "|u1")}
 #: V, P: vertices and pixels of the problem; K lobes and D cells of the light.
 _KINDS = {

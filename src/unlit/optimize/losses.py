@@ -14,15 +14,15 @@ import numpy as np
 
 from ..color import UNCLIPPED
 from ..machine.runtime import mitsuba
-from ..scene.arrays import device
+from ..scene.arrays import at_least, device
 
 mi = mitsuba()
 
 
 def encode(linear: Any) -> Any:
     """sRGB encoding of non-negative linear values; the power continues above 1."""
-    linear = dr.fmax(linear, 1e-5)
-    return dr.select(linear <= 0.0031308, 12.92 * linear, 1.055 * dr.power(linear, 1 / 2.4) - 0.055)
+    linear = at_least(linear, 1e-5)
+    return dr.select(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def censored(encoded: Any) -> Any:

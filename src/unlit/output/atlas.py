@@ -33,6 +33,7 @@ from scipy.spatial import KDTree
 
 from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba
+from ..scene.arrays import where
 from ..scene.mesh import Mesh, surface
 from .geometry import Welded, welded
 from .parts import EYES, INSIDE, SKIN, parts
@@ -177,7 +178,7 @@ def _texels(mesh: Welded, size: int) -> _Texels:
     u = (mi.Float(pixel % side) + 0.5) / mi.Float(side)
     v = 1 - (mi.Float(pixel // side) + 0.5) / mi.Float(side)
     hit = scene.ray_intersect_preliminary(mi.Ray3f(mi.Point3f(u, v, 2), mi.Vector3f(0, 0, -1)))
-    index = dr.compress(hit.is_valid())
+    index = where(hit.is_valid())
     triangle = dr.gather(mi.UInt32, hit.prim_index, index).numpy().astype(np.int32)
     index = index.numpy().astype(np.int64)
     at = np.stack([(index % size + 0.5) / size, 1 - (index // size + 0.5) / size], axis=1)

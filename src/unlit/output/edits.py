@@ -54,7 +54,7 @@ def edited(
                 )
             if name != "mask" and stage == 1:
                 raise OutputError(
-                    f"{folder}: {file} was edited, but stage 1 makes it anew; use --from-stage 2 "
+                    f"{folder}: {file} was edited, but stage 1 makes it anew; go on from stage 2 "
                     "or later"
                 )
             files.append(file)

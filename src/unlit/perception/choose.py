@@ -16,8 +16,9 @@ def choose(faces: list[Face], which: str | int, source: str) -> Face:
     if which == "only":
         if len(faces) > 1:
             raise FaceError(
-                f"{source}: {len(faces)} faces found; choose one with --face largest, left, right "
-                f"or N (0 to {len(faces) - 1}, from large to small), or crop the photo"
+                f"{source}: {len(faces)} faces found; choose the face largest, left, right or N (0 "
+                f"to {len(faces) - 1}, from large to small), or crop the photo",
+                "face",
             )
         return faces[0]
     if which == "largest":
@@ -27,8 +28,9 @@ def choose(faces: list[Face], which: str | int, source: str) -> Face:
     if isinstance(which, int) and 0 <= which < len(faces):
         return faces[which]
     if len(faces) == 1:
-        raise FaceError(f"{source}: no face {which!r}; only one found: leave --face out")
+        raise FaceError(f"{source}: no face {which!r}; only one found: do not choose", "face")
     raise FaceError(
         f"{source}: no face {which!r}; {len(faces)} found: use largest, left, right or 0 to "
-        f"{len(faces) - 1}"
+        f"{len(faces) - 1}",
+        "face",
     )

@@ -1,0 +1,1 @@
+"""What a run, a download or a few steps tell while they last, and a run's log."""

@@ -1,196 +1,99 @@
-"""What a run prints: settings, stages, progress with time left; all of it is kept as the log.
-
-On a terminal a bar is redrawn in place; elsewhere plain lines are written, a few a stage. All of
-it goes to standard error, so that standard output carries results only.
-"""
+"""The progress of a run, of a download and of a few steps, as callbacks that print it."""
 
 from __future__ import annotations
 
-import sys
-import time
-from types import TracebackType
-from typing import Any
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+from typing import Protocol
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn
 
-#: What one iteration of each stage costs, and what comes before, between and after, relative to
-#: an iteration of stage 2: only for the time left, which is scaled to what has been measured.
-_ITERATION_COST = {"stage1": 0.5, "stage2": 1.0, "stage3": 3.0, "stage4": 0.8, "stage5": 0.8}
-_FIXED_COST = {"photo": 5, "perception": 40, "fit": 150, "finish": 600}
-_STAGE_START_COST = 200
-
-_LABELS = {
-    "photo": "reading the photo",
-    "perception": "finding the face",
-    "fit": "fitting the head",
-    "stage1": "stage 1: base colour and light",
-    "stage2": "stage 2: low-frequency albedo",
-    "stage3": "stage 3: shape",
-    "stage4": "stage 4: normals",
-    "stage5": "stage 5: high-frequency albedo",
-    "finish": "writing results",
-}
-_PLAIN_SECONDS = 10.0
+from .display import Display, standard_error
+from .log import LABELS, Log, clock, progress_text
 
 
-def standard_error() -> Console:
-    """Where progress is printed: plain text, wrapped by the terminal only."""
-    return Console(stderr=True, highlight=False, soft_wrap=True)
+class RunConsole(Display):
+    """A run's progress; call it with (step, iteration, iterations, loss).
 
-
-def clock(seconds: float) -> str:
-    """Seconds as minutes:seconds, from an hour on as hours:minutes:seconds."""
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
-
-
-def settings_block(settings: dict[str, Any]) -> list[str]:
-    """Readable lines of nested settings: tables side by side, then single values."""
-    stages = {name: value for name, value in settings.items() if isinstance(value, dict)}
-    singles = {name: value for name, value in settings.items() if name not in stages}
-    lines = ["settings"]
-    if stages:
-        lines.append(f"  {'':<22}" + "".join(f"{name:>9}" for name in stages))
-        for field in next(iter(stages.values())):
-            row = "".join(f"{stage.get(field, ''):>9}" for stage in stages.values())
-            lines.append(f"  {field:<22}{row}")
-    return [*lines, *(f"  {name:<22}{value!s:>9}" for name, value in singles.items())]
-
-
-class RunConsole:
-    """Prints a run's progress; call it with (stage, iteration, iterations, loss).
-
-    iterations: of each stage, for the time left; use it as a context manager.
+    plan: seconds that each step is expected to take, in order (`machine.cost.plan`), for the time
+    left; what has been measured scales them. log: what is said, and the end of each stage.
     """
 
-    def __init__(self, iterations: dict[str, int], console: Console | None = None) -> None:
-        self.console = console or standard_error()
-        self._plan = {
-            "photo": (_FIXED_COST["photo"], 0.0),
-            "perception": (_FIXED_COST["perception"], 0.0),
-            "fit": (_FIXED_COST["fit"], 0.0),
-            **{
-                name: (_STAGE_START_COST, _ITERATION_COST.get(name, 1.0) * count)
-                for name, count in iterations.items()
-            },
-            "finish": (_FIXED_COST["finish"], 0.0),
-        }
-        self._lines: list[str] = []
-        self._start = self._said = time.monotonic()
-        self._stage = ""
-        self._last = ""
-        self._bar: Progress | None = None
-        self._task = TaskID(0)
+    def __init__(self, plan: Mapping[str, float], console: Console | None = None) -> None:
+        super().__init__(console)
+        self.log = Log(self.say)
+        self._plan = plan
+        self._step = ""
 
-    def __enter__(self) -> RunConsole:
-        if self.console.is_terminal:
-            bar = Progress(
-                TextColumn("{task.description}"),
-                BarColumn(bar_width=24),
-                TextColumn("{task.fields[state]}"),
-                console=self.console,
-                transient=True,
-            )
-            self._task = bar.add_task("", total=1.0, state="")
-            bar.start()
-            self._bar = bar
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-
-    def say(self, line: str) -> None:
-        """Print a line and keep it in the log."""
-        self._lines.append(line)
-        self.console.print(line, markup=False)
-
-    def note(self, line: str) -> None:
-        """Keep a line in the log without printing it."""
-        self._lines.append(line)
-
-    def log(self) -> str:
-        """Everything said and noted so far."""
-        return "\n".join([*self._lines, ""])
-
-    def __call__(self, stage: str, iteration: int, iterations: int, loss: float) -> None:
-        now = time.monotonic()
-        begins = stage != self._stage
-        if begins:
-            self._end_stage(now)
-            self._stage = stage
-        label = _LABELS.get(stage, stage)
-        counted = iterations > 1
-        numbers = f"{iteration}/{iterations}  loss {loss:.4f}" if counted else ""
-        self._last = numbers
-        share = self._share(stage, iteration / max(iterations, 1))
+    def __call__(self, step: str, iteration: int, iterations: int, loss: float) -> None:
+        self.log(step, iteration, iterations, loss)
+        begins, self._step = step != self._step, step
+        label, seconds = LABELS.get(step, step), self.log.seconds
+        share = self._share(step, iteration / max(iterations, 1))
         # At the very start nothing has been measured that the time left could be scaled to.
-        known = share > 0.02 and now - self._start > 1
-        left = f"{clock((now - self._start) * (1 - share) / share)} left" if known else ""
-        if self._bar is not None:
-            state = "  ".join(part for part in (numbers, left) if part)
-            self._bar.update(self._task, description=label, completed=share, state=state)
-        elif begins or now - self._said >= _PLAIN_SECONDS:
-            parts = (clock(now - self._start), label, numbers, left)
-            self.console.print("  ".join(part for part in parts if part), markup=False)
-            self._said = now
+        known = share > 0.02 and seconds > 1
+        left = f"{clock(seconds * (1 - share) / share)} left" if known else ""
+        parts = [part for part in (label, progress_text(iteration, iterations, loss), left) if part]
+        self.show(share, "  ".join(parts), "  ".join((clock(seconds), *parts)), begins)
 
-    def _end_stage(self, now: float) -> None:
-        if self._stage.startswith("stage"):
-            line = f"{clock(now - self._start)}  {_LABELS.get(self._stage, self._stage)}"
-            self.say(f"{line}  {self._last}")
-
-    def _share(self, stage: str, part: float) -> float:
+    def _share(self, step: str, part: float) -> float:
         """Estimated share of the whole run that is done."""
-        total = sum(fixed + counted for fixed, counted in self._plan.values())
-        done = 0.0
-        for name, (fixed, counted) in self._plan.items():
-            if name == stage:
-                return (done + (fixed + counted * part if part else 0.0)) / total
-            done += fixed + counted
-        return 0.0
+        names = list(self._plan)
+        if step not in names:
+            return 0.0
+        before = sum(self._plan[name] for name in names[: names.index(step)])
+        return (before + self._plan[step] * part) / sum(self._plan.values())
 
 
-class FetchConsole:
-    """Prints the progress of a download; call it with (asset, bytes so far, bytes in all)."""
+class Named(Protocol):
+    """A file by its name and its size in bytes."""
 
-    def __init__(self, console: Console | None = None) -> None:
-        self.console = console or standard_error()
-        self._shown = ""
-
-    def __call__(self, asset: Any, done: int, total: int) -> None:
-        if self.console.is_terminal:
-            end = "\n" if done == total else "\r"
-            self.console.print(
-                f"fetching {asset.name}: {done / 1e6:.1f} of {total / 1e6:.1f} MB", end=end
-            )
-        elif asset.name != self._shown:
-            self._shown = asset.name
-            kept = f", {asset.size / 1e6:.0f} MB of it kept" if total > 1.1 * asset.size else ""
-            self.console.print(f"fetching {asset.name} ({total / 1e6:.0f} MB{kept})")
-        sys.stderr.flush()
+    @property
+    def name(self) -> str: ...
+    @property
+    def size(self) -> int: ...
 
 
-class StepConsole:
-    """Prints the progress of a few steps; call it with (what is done now, steps done, of all)."""
+class FetchConsole(Display):
+    """The progress of downloads; call it with (file, bytes so far, bytes in all)."""
 
-    def __init__(self, console: Console | None = None) -> None:
-        self.console = console or standard_error()
-        self._said = time.monotonic()
+    _name = ""
+
+    def __call__(self, file: Named, done: int, total: int) -> None:
+        begins, self._name = file.name != self._name, file.name
+        text = f"fetching {file.name}: {done / 1e6:.1f} of {total / 1e6:.1f} MB"
+        kept = f", {file.size / 1e6:.0f} MB of it kept" if total > 1.1 * file.size else ""
+        line = f"fetching {file.name} ({total / 1e6:.0f} MB{kept})" if begins else text
+        self.show(done / total, text, line, begins)
+
+
+class StepConsole(Display):
+    """The progress of a few steps; call it with (what is done now, steps done, of all)."""
 
     def __call__(self, what: str, done: int, total: int) -> None:
-        if self.console.is_terminal:
-            bar = ("=" * (24 * done // total)).ljust(24)
-            end = "\n" if done == total else "\r"
-            self.console.print(f"[{bar}] {what:<40}", end=end, markup=False)
-        elif done == 0 or time.monotonic() - self._said >= _PLAIN_SECONDS:
-            self.console.print(f"{what}  {done}/{total}" if done else what, markup=False)
-            self._said = time.monotonic()
-        sys.stderr.flush()
+        self.show(done / total, what, f"{what}  {done}/{total}" if done else what, done == 0)
+
+
+class StudyConsole:
+    """The progress of an evaluation: a line for each step, and a bar while a face is made.
+
+    plan: as for RunConsole.
+    """
+
+    def __init__(self, plan: Mapping[str, float], console: Console | None = None) -> None:
+        self._console = console or standard_error()
+        self._plan = plan
+        self._log = Log(lambda line: self._console.print(line, markup=False))
+
+    def _begin(self, name: str) -> None:
+        self._log.say(f"{clock(self._log.seconds)}  {name}")
+
+    def busy(self, name: str) -> AbstractContextManager[object]:
+        """While a step without a progress of its own is done."""
+        self._begin(name)
+        return self._console.status(name) if self._console.is_terminal else nullcontext()
+
+    def running(self, name: str) -> RunConsole:
+        """While a face is reconstructed."""
+        self._begin(name)
+        return RunConsole(self._plan, self._console)

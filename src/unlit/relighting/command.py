@@ -51,48 +51,42 @@ class Order:
     def plan(self, suffix: str) -> tuple[list[Frame], int | None]:
         """The frames, and the samples (None: fast), for a file that ends in `suffix`.
 
-        Raises SettingsError for values out of range and options that do not go together.
+        Raises SettingsError for values out of range and choices that do not go together.
         """
         video = suffix in VIDEOS
         if suffix not in (*STILLS, *VIDEOS):
-            raise SettingsError(
-                f"-o: {suffix or 'no ending'}: give a .png, .exr, .mp4 or .gif file"
-            )
-        _check("--brightness", self.brightness, -_MAX_STOPS, _MAX_STOPS)
-        _check("--samples", self.samples, 1, _MAX_SAMPLES)
-        _check("--frames", self.frames, 2, _MAX_FRAMES)
-        _check("--fps", self.fps, 1, _MAX_FPS)
-        moving = {
-            "--rotate sweep": self.rotate == SWEEP,
-            "--turntable": self.turntable is not None,
-            "--frames": self.frames is not None,
-            "--fps": self.fps is not None,
-        }
-        for name, given in moving.items():
-            if given and not video:
-                raise SettingsError(f"{name} makes a video; give -o an .mp4 or .gif file")
+            raise SettingsError(f"{suffix or 'no ending'}: give a .png, .exr, .mp4 or .gif file")
+        _check("brightness", self.brightness, -_MAX_STOPS, _MAX_STOPS)
+        _check("samples", self.samples, 1, _MAX_SAMPLES)
+        _check("frames", self.frames, 2, _MAX_FRAMES)
+        _check("fps", self.fps, 1, _MAX_FPS)
+        for name in ("turntable", "frames", "fps"):
+            if getattr(self, name) is not None and not video:
+                raise SettingsError(f"{name} makes a video; give an .mp4 or .gif file", name)
+        if self.rotate == SWEEP and not video:
+            raise SettingsError("a sweep makes a video; give an .mp4 or .gif file", "rotate")
         if self.fast and self.samples is not None:
-            raise SettingsError("--samples has no use with --fast; leave one out")
+            raise SettingsError("samples has no use with fast; leave one out", "samples")
         angle = 0.0 if self.rotate is None or self.rotate == SWEEP else float(self.rotate)
-        _check("--rotate", angle, -360, 360)
+        _check("rotate", angle, -360, 360)
         samples = None if self.fast else self.samples or (VIDEO_SAMPLES if video else SAMPLES)
         count = self.frames or FRAMES
         if not video:
             return [Frame(angle)], samples
         if self.turntable is None:
             if self.rotate not in (None, SWEEP):
-                raise SettingsError("--rotate DEG holds the light still; use --rotate sweep")
+                raise SettingsError("an angle holds the light still; use a sweep", "rotate")
             return sweep(count), samples
-        _check("--turntable", self.turntable, 1, 360)
+        _check("turntable", self.turntable, 1, 360)
         if self.rotate == SWEEP or self.over_photo is not None:
-            other = "--rotate sweep" if self.rotate == SWEEP else "--over-photo"
-            raise SettingsError(f"--turntable and {other} do not go together; leave one out")
+            other = "a sweep" if self.rotate == SWEEP else "over_photo"
+            raise SettingsError(f"turntable and {other} do not go together; leave one out")
         return turntable(count, self.turntable, angle), samples
 
 
 def _check(name: str, value: float | None, low: float, high: float) -> None:
     if value is not None and not (math.isfinite(value) and low <= value <= high):
-        raise SettingsError(f"{name} {value:g}: choose {low:g} to {high:g}")
+        raise SettingsError(f"{name} {value:g}: choose {low:g} to {high:g}", name)
 
 
 def relight(
@@ -136,7 +130,7 @@ def _spare_inputs(folder: Path, path: Path, order: Order) -> None:
     inputs = {folder / name for name in RESULT_FILES}
     inputs |= {Path(name) for name in (order.light, order.over_photo) if name is not None}
     if path.resolve() in {file.resolve() for file in inputs}:
-        raise SettingsError(f"-o {path}: is an input or a file of the result; choose another name")
+        raise SettingsError(f"{path}: is an input or a file of the result; choose another name")
 
 
 def _environment(order: Order, face: Reconstruction) -> np.ndarray:

@@ -1,5 +1,4 @@
-"""Lights by name: what `--light` of `unlit relight` takes, and, but for suns, `--lights` of
-`unlit evaluate`.
+"""Lights by name, as relighting takes them, and an evaluation all but the suns.
 
 Azimuth and elevation are degrees in the camera's frame (scene/camera.py), seen from the face:
 

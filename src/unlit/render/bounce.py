@@ -25,7 +25,7 @@ import numpy as np
 from scipy import sparse
 
 from ..machine.runtime import mitsuba
-from ..scene.arrays import device
+from ..scene.arrays import device, where
 from ..scene.brdf import reflectance_table, specular
 from ..scene.camera import Camera
 from ..scene.maps import Maps
@@ -120,7 +120,7 @@ def form_factors(mesh: Mesh, points: Points, seen: np.ndarray, count: int = 256)
         mi.Ray3f(start, towards), coherent=True, active=dr.dot(n, towards) > 0
     )
     dr.eval(hit)  # else each of its parts that is gathered below would have all rays traced again
-    kept = dr.compress(hit.is_valid())
+    kept = where(hit.is_valid())
     if not dr.width(kept):  # a convex mesh
         empty = sparse.csr_matrix((vertices, 2 * vertices), dtype=np.float32)
         return FormFactors(empty, empty, None)

@@ -15,6 +15,7 @@ import drjit as dr
 import numpy as np
 
 from ..machine.runtime import mitsuba
+from ..scene.arrays import at_least
 from ..scene.brdf import specular
 from ..scene.camera import Camera
 from ..scene.maps import Maps
@@ -93,7 +94,7 @@ class FaceBSDF(mi.BSDF):
         rho_d, rho_s, alpha, n_d, n_s = self._surface(si, active)
         viewer, towards = si.to_world(si.wi), si.to_world(wo)
         active = mi.Bool(active) & (si.wi.z > 0) & (wo.z > -0.3)
-        value = rho_d * (dr.fmax(dr.dot(n_d, towards), 0) / dr.pi)
+        value = rho_d * (at_least(dr.dot(n_d, towards), 0) / dr.pi)
         value += rho_s * specular(n_s, towards, viewer, alpha)
         return value & active, dr.select(active, self._pdf(n_d, n_s, alpha, viewer, towards), 0)
 
@@ -102,9 +103,9 @@ class FaceBSDF(mi.BSDF):
         half = dr.normalize(viewer + towards)
         facets = mi.MicrofacetDistribution(mi.MicrofacetType.Beckmann, alpha, True)
         local = frame.to_local(viewer)
-        lobe = facets.pdf(local, frame.to_local(half)) / (4 * dr.fmax(dr.dot(towards, half), 1e-6))
+        lobe = facets.pdf(local, frame.to_local(half)) / (4 * at_least(dr.dot(towards, half), 1e-6))
         lobe = dr.select(dr.dot(towards, half) > 0, lobe, 0)
-        cosine = dr.fmax(dr.dot(n_d, towards), 0) / dr.pi
+        cosine = at_least(dr.dot(n_d, towards), 0) / dr.pi
         return dr.select(local.z > 0, 0.5 * cosine + 0.5 * lobe, cosine)
 
     def sample(
@@ -126,7 +127,7 @@ class FaceBSDF(mi.BSDF):
         bs.sampled_type = mi.UInt32(+mi.BSDFFlags.GlossyReflection)
         bs.sampled_component = mi.UInt32(1)
         active = mi.Bool(active) & (bs.pdf > 0)
-        return bs, (value / dr.fmax(bs.pdf, 1e-20)) & active
+        return bs, (value / at_least(bs.pdf, 1e-20)) & active
 
     def to_string(self) -> str:
         return f"FaceBSDF[{', '.join(self.textures)}]"

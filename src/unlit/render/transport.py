@@ -23,7 +23,7 @@ import drjit as dr
 import numpy as np
 
 from ..machine.runtime import mitsuba
-from ..scene.arrays import device
+from ..scene.arrays import at_least, device
 from ..scene.brdf import specular, specular_with_gradient
 from ..scene.cells import Cells
 from ..scene.linear import linear
@@ -106,7 +106,7 @@ def visibility(scene: Any, points: Points, directions: Directions, horizon: Any 
 def _terms(points: Points, viewer: Any, directions: Directions, d: Any) -> tuple[Any, Any]:
     """Unoccluded diffuse and specular transport from the cells `d` to as many `points`."""
     towards, moment, solid_angle = directions.gather(d)
-    diffuse = dr.fmax(dr.dot(points.diffuse_normal, moment), 0)
+    diffuse = at_least(dr.dot(points.diffuse_normal, moment), 0)
     lobe = specular(points.specular_normal, towards, viewer, points.roughness)
     return diffuse, lobe * solid_angle
 
@@ -202,7 +202,7 @@ class Linearization:
         """(E, S) at nearby unit normals, differentiable; never negative."""
         e = self.diffuse + dr.dot(self.diffuse_gradient, diffuse_normal - self.diffuse_normal)
         s = self.specular + dr.dot(self.specular_gradient, specular_normal - self.specular_normal)
-        return dr.fmax(e, 0), dr.fmax(s, 0)
+        return at_least(e, 0), at_least(s, 0)
 
 
 def linearize(

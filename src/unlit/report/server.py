@@ -57,7 +57,7 @@ class ReportServer(ThreadingHTTPServer):
         except (OSError, OverflowError) as error:
             raise OutputError(
                 f"port {port}: cannot be used ({getattr(error, 'strerror', None) or error}); "
-                "choose another, or leave --port out"
+                "choose another, or 0 for any that is free"
             ) from error
 
     @property

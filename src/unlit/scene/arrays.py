@@ -1,4 +1,4 @@
-"""NumPy to Dr.Jit, in one way only.
+"""NumPy to Dr.Jit, in one way only; and two of Dr.Jit's functions, typed.
 
 On the CPU Dr.Jit wraps NumPy's memory as it lies. An odd alignment, and the offsets of x, y, z in
 one block, then become part of every kernel that reads the array, and each photo would have
@@ -40,3 +40,13 @@ def device(kind: Any, values: np.ndarray) -> Any:
         return kind(_aligned(values, number))
     scalar = mi.UInt32 if dr.type_v(kind) == dr.VarType.UInt32 else mi.Float
     return kind(*(device(scalar, column) for column in values.T))
+
+
+def at_least(value: Any, least: float) -> Any:
+    """`value`, or `least` where it is lower or no number."""
+    return dr.fmax(value, least)
+
+
+def where(mask: Any) -> Any:
+    """Indices (mi.UInt32) of the elements of `mask` (mi.Bool) that are set."""
+    return dr.compress(mask)

@@ -20,6 +20,7 @@ import drjit as dr
 import numpy as np
 
 from ..machine.runtime import mitsuba
+from .arrays import at_least
 
 #: Index of refraction of skin (paper, section 2.2); normal-incidence Fresnel value 0.0255.
 IOR = 1.38
@@ -47,7 +48,7 @@ def beckmann(cosine: Any, alpha: Any) -> Any:
 
 def smith_g1(cosine: Any, alpha: Any) -> Any:
     """Smith masking of the Beckmann distribution, rational fit (Walter et al. 2007, eq. 27)."""
-    sine = dr.sqrt(dr.fmax(1 - dr.square(cosine), 1e-12))
+    sine = dr.sqrt(at_least(1 - dr.square(cosine), 1e-12))
     a = cosine / (alpha * sine)
     fit = a * (3.535 + 2.181 * a) / (1 + a * (2.276 + 2.577 * a))
     return dr.select(a >= 1.6, 1.0, fit)
@@ -60,7 +61,7 @@ def _log_beckmann_slope(cosine: Any, alpha: Any) -> Any:
 
 def _log_smith_slope(cosine: Any, alpha: Any) -> Any:
     """Derivative of ln G1 with respect to the cosine it is taken at."""
-    sine2 = dr.fmax(1 - dr.square(cosine), 1e-12)
+    sine2 = at_least(1 - dr.square(cosine), 1e-12)
     sine = dr.sqrt(sine2)
     a = cosine / (alpha * sine)
     top, bottom = a * (3.535 + 2.181 * a), 1 + a * (2.276 + 2.577 * a)
@@ -91,12 +92,12 @@ def _lobe(n: Any, wi: Any, wo: Any, alpha: Any) -> tuple[Any, ...]:
     half = dr.normalize(wi + wo)
     above = (cos_i > 0) & (cos_o > 0)
     # Clamped before dividing: a masked lane must not carry a NaN into the gradient.
-    ch = dr.fmax(dr.dot(n, half), 1e-4)
-    ci = dr.fmax(cos_i, 1e-4)
-    co = dr.fmax(cos_o, 1e-4)
+    ch = at_least(dr.dot(n, half), 1e-4)
+    ci = at_least(cos_i, 1e-4)
+    co = at_least(cos_o, 1e-4)
     value = (
         beckmann(ch, alpha)
-        * fresnel(dr.fmax(dr.dot(wi, half), 0.0))
+        * fresnel(at_least(dr.dot(wi, half), 0.0))
         * smith_g1(ci, alpha)
         * smith_g1(co, alpha)
         / (4 * co)

@@ -13,7 +13,7 @@ import drjit as dr
 import numpy as np
 
 from ..machine.runtime import mitsuba
-from .arrays import device
+from .arrays import at_least, device, where
 from .camera import Camera
 from .gather import Corners
 
@@ -28,7 +28,7 @@ def vertex_normals(vertices: Any, corners: Corners) -> Any:
     ((a, b, c),) = corners(vertices)
     total = corners.total(mi.Vector3f(dr.cross(b - a, c - a)))
     # A vertex without triangles has no normal; it must not become NaN in the gradient either.
-    return total * dr.rsqrt(dr.fmax(dr.squared_norm(total), 1e-20))
+    return total * dr.rsqrt(at_least(dr.squared_norm(total), 1e-20))
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Mesh:
         ray = camera_rays(camera, dr.arange(mi.UInt32, camera.width * camera.height))
         hit = self.scene.ray_intersect_preliminary(ray, coherent=True)
         dr.eval(hit)  # else the rays are traced twice, for the pixels and for their triangles
-        pixel = dr.compress(hit.is_valid())
+        pixel = where(hit.is_valid())
         triangle = dr.gather(mi.UInt32, hit.prim_index, pixel)
         dr.eval(pixel, triangle)
         return Hits(pixel, triangle)

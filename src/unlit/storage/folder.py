@@ -17,7 +17,7 @@ import signal
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Generator, Mapping
 from pathlib import Path
 
 from ..errors import OutputError
@@ -49,7 +49,7 @@ _REMEDIES = {
 
 
 @contextlib.contextmanager
-def reserve(folder: Path, names: Collection[str], need: int) -> Iterator[Path]:
+def reserve(folder: Path, names: Collection[str], need: int) -> Generator[Path]:
     """Make sure, before minutes of work, that a result can be written; leave no trace of a failure.
 
     folder: the target, made if need be. names: the files to come. need: bytes that must be free.
@@ -128,7 +128,7 @@ def _staging(folder: Path) -> tempfile.TemporaryDirectory[str]:
 
 
 @contextlib.contextmanager
-def _made(folder: Path) -> Iterator[None]:
+def _made(folder: Path) -> Generator[None]:
     """Make the folder and its parents; remove again those made that are empty at the end."""
     made: list[Path] = []
     try:
@@ -181,7 +181,7 @@ def _remove_stale(folder: Path) -> None:
 
 
 @contextlib.contextmanager
-def _explained(place: Path) -> Iterator[None]:
+def _explained(place: Path) -> Generator[None]:
     """Turn what the system refuses into an OutputError of one line."""
     try:
         yield
@@ -191,7 +191,7 @@ def _explained(place: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _signals_wait() -> Iterator[None]:
+def _signals_wait() -> Generator[None]:
     """Hold back Ctrl-C and a request to end until the block is done.
 
     Handlers run in the main thread only, so that in any other there is nothing to hold back.

@@ -4,6 +4,7 @@ What is kept of an earlier run (checkpoints, steps of an evaluation) is used aga
 fingerprint of all that decided it is the same.
 """
 
+# pyright: basic
 from __future__ import annotations
 
 import functools

@@ -30,7 +30,7 @@ def calls(monkeypatch) -> list:
     for module, function in (("chain", "reconstruct"), ("resume", "continued")):
         fake = types.ModuleType(f"unlit.pipeline.{module}")
         setattr(fake, function, stand_in(function))
-        fake.kept_fit = lambda *_: None
+        setattr(fake, "kept_fit", lambda *_: None)  # noqa: B010
         monkeypatch.setitem(sys.modules, fake.__name__, fake)
         monkeypatch.setattr(unlit.pipeline, module, fake, raising=False)
     face = types.SimpleNamespace(

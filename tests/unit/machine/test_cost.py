@@ -4,7 +4,7 @@ import pytest
 
 from unlit.cli import main
 from unlit.errors import SettingsError
-from unlit.machine.cost import check_memory, memory, read_size, seconds
+from unlit.machine.cost import check_memory, memory, plan, read_size
 
 
 @pytest.mark.parametrize(("text", "size"), [("4GB", 4e9), (" 900 mb", 9e8), ("2GiB", 2**31)])
@@ -25,23 +25,38 @@ def test_remedy_fits() -> None:
     check_memory(1e9, 512)
     check_memory(memory(2048), 2048)
     limit = memory(2048) - 1
-    with pytest.raises(SettingsError, match=r"--memory .* 2048 pixels .*--resolution") as refused:
+    with pytest.raises(SettingsError, match=r"memory: 2048 pixels .* resolution=") as refused:
         check_memory(limit, 2048)
-    check_memory(limit, int(str(refused.value).split()[-1]))
+    check_memory(limit, int(str(refused.value).split("=")[-1]))
     with pytest.raises(SettingsError, match="256 pixels"):
         check_memory(1e6, 512)
 
 
 def test_seconds_grow() -> None:
     """With pixels and iterations; halved by twice the cores."""
-    base = seconds(512, {"stage2": 1000}, 2)
-    assert seconds(1024, {"stage2": 1000}, 2) > base
-    assert seconds(512, {"stage2": 2000}, 2) > base
-    assert seconds(512, {"stage2": 1000}, 4) == base / 2
+
+    def seconds(resolution: int, iterations: int, cores: int) -> float:
+        return sum(plan(resolution, {"stage2": iterations}, cores).values())
+
+    base = seconds(512, 1000, 2)
+    assert seconds(1024, 1000, 2) > base
+    assert seconds(512, 2000, 2) > base
+    assert seconds(512, 1000, 4) == pytest.approx(base / 2)
+
+
+def test_plan() -> None:
+    """Every step in order; stages that are not run again take nothing."""
+    whole = {f"stage{k}": 100 for k in range(1, 6)}
+    steps = ["photo", "perception", "fit", *whole, "finish"]
+    assert list(plan(512, whole, 2)) == steps
+    rest = plan(512, {"stage4": 100, "stage5": 100}, 2)
+    assert list(rest) == [step for step in steps if step not in ("stage1", "stage2", "stage3")]
+    none = plan(512, dict.fromkeys(whole, 0), 2)
+    assert sum(none.values()) == pytest.approx(24 + 25 * 0.512**2)
 
 
 def test_memory_option_is_checked_before_anything_runs(capsys: pytest.CaptureFixture[str]) -> None:
     """--memory that is too little ends with one line, before the photo is looked for."""
     code = main(["reconstruct", "no.jpg", "-o", "x", "--resolution", "2048", "--memory", "1.5GB"])
     assert code == 2
-    assert "--resolution 1024" in capsys.readouterr().err
+    assert "use resolution=1024 (option --memory)" in capsys.readouterr().err

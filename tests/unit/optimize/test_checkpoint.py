@@ -145,7 +145,7 @@ def test_another_run_is_refused_and_named(stopped, monkeypatch):
             tiny_run.run(Checkpoint(path, resume=True), **options)
         assert path.exists()
         assert "\n" not in str(caught.value)
-        assert "leave out --resume" in str(caught.value)
+        assert "start anew" in str(caught.value)
         return str(caught.value)
 
     assert "another photo (tiny.png, not b.png)" in refused(name="b.png")
@@ -232,5 +232,5 @@ def test_a_file_that_is_cut_off(stopped):
     """As after a power cut."""
     path = stopped("stage1")
     path.write_bytes(path.read_bytes()[:1000])
-    with pytest.raises(OutputError, match=r"damaged or cut off .* leave out --resume"):
+    with pytest.raises(OutputError, match=r"damaged or cut off .* start anew"):
         Checkpoint(path, resume=True)

@@ -91,7 +91,7 @@ def test_a_painted_mask_changes_the_regions(result):
         (("diffuse_albedo.png", "diffuse_albedo.exr"), 2, "were both edited; remove the one"),
         (("roughness.png",), 2, "roughness.png was edited, but it is a result only"),
         (("environment.exr",), 2, "environment.exr was edited, but it is a result only"),
-        (("specular_albedo.png",), 1, "stage 1 makes it anew; use --from-stage 2"),
+        (("specular_albedo.png",), 1, "stage 1 makes it anew; go on from stage 2"),
     ],
 )
 def test_edits_that_cannot_be_used(result, edit, stage, said):

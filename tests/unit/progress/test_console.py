@@ -1,12 +1,15 @@
-"""What a run prints where there is no terminal, and what is kept as the log."""
+"""What a run, a download and steps print, on a terminal, in a notebook and elsewhere."""
 
 import io
+from dataclasses import dataclass
 
 import pytest
 from rich.console import Console
 
-from unlit.progress import console as module
-from unlit.progress.console import RunConsole, settings_block
+from unlit.progress import display, log
+from unlit.progress.console import FetchConsole, RunConsole, StepConsole, StudyConsole
+
+PLAN = {"photo": 1, "stage1": 20, "stage2": 25, "finish": 4}
 
 
 class Clock:
@@ -21,31 +24,14 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr(module, "time", clock)
+    for module in (display, log):
+        monkeypatch.setattr(module, "time", clock)
     return clock
 
 
 def plain() -> tuple[RunConsole, io.StringIO]:
     stream = io.StringIO()
-    return RunConsole({"stage1": 100, "stage2": 100}, Console(file=stream, width=200)), stream
-
-
-def test_settings_are_all_there_and_aligned():
-    """Every name and value; the stages' columns line up."""
-    settings = {
-        "resolution": 512,
-        "stage1": {"iterations": 2000, "rate": 0.05},
-        "stage2": {"iterations": 750, "rate": 0.01},
-    }
-    lines = settings_block(settings)
-    assert [line.split() for line in lines] == [
-        ["settings"],
-        ["stage1", "stage2"],
-        ["iterations", "2000", "750"],
-        ["rate", "0.05", "0.01"],
-        ["resolution", "512"],
-    ]
-    assert len({len(line) for line in lines[1:4]}) == 1
+    return RunConsole(PLAN, Console(file=stream, width=200)), stream
 
 
 def test_plain_lines_tell_stage_iteration_loss_and_time_left(clock):
@@ -65,33 +51,98 @@ def test_plain_lines_tell_stage_iteration_loss_and_time_left(clock):
     assert lines[2].endswith(" left")
     assert lines[4] == "0:30  stage 1: base colour and light  100/100  loss 0.0100"
     assert "\x1b" not in stream.getvalue()
-    assert run.log().splitlines() == [lines[4]]
+    assert run.log.text().splitlines() == [lines[4]]
 
 
 def test_time_left_falls_to_nothing(clock):
-    """Where stages cost what the table says, the estimate is right from the start."""
-    run, _ = plain()
-    shares = [run._share("stage1", 0.0), run._share("stage1", 1.0), run._share("stage2", 0.5)]
-    shares += [run._share("stage2", 1.0), run._share("finish", 1.0)]
-    assert shares == sorted(shares)
-    assert shares[-1] == pytest.approx(1)
+    """Where steps take what the plan says, the estimate is right from the start."""
+    run, stream = plain()
+    for clock.now, step, part in ((1, "stage1", 0), (11, "stage1", 1), (33.5, "stage2", 1)):
+        run(step, part, 2, 0.5)
+    run("finish", 1, 1, 0.0)
+    said = stream.getvalue().splitlines()
+    assert said[1].endswith("0:39 left")
+    assert said[-1].endswith("finish  0:00 left") or "0:00 left" in said[-1]
 
 
 def test_brackets_are_no_markup():
     """A photo may be called a[bold].jpg."""
     run, stream = plain()
-    run.say("a[bold].jpg")
+    run.log.say("a[bold].jpg")
     assert stream.getvalue() == "a[bold].jpg\n"
-    assert run.log() == "a[bold].jpg\n"
+    assert run.log.text() == "a[bold].jpg\n"
+
+
+def terminal(stream: io.StringIO, **options) -> Console:
+    return Console(file=stream, width=120, force_terminal=True, **options)
 
 
 def test_a_terminal_gets_a_bar(clock):
-    """The bar names stage, iteration and loss, and is gone at the end."""
+    """The bar names stage, iteration and loss; nothing stays of it after an error either."""
     stream = io.StringIO()
-    run = RunConsole({"stage1": 10}, Console(file=stream, width=120, force_terminal=True))
-    with run:
+    run = RunConsole(PLAN, terminal(stream))
+    with pytest.raises(KeyboardInterrupt), run:
         clock.now = 9
         run("stage1", 5, 10, 0.25)
         run._bar.refresh()
         assert "5/10  loss 0.2500" in stream.getvalue()
         assert "stage 1" in stream.getvalue()
+        raise KeyboardInterrupt
+    assert stream.getvalue().endswith("\x1b[?25h\r\x1b[1A\x1b[2K")  # cursor and line
+
+
+@pytest.mark.parametrize("widgets", [False, True])
+def test_a_notebook_gets_a_bar_where_it_can_draw_one(monkeypatch, widgets):
+    """Rich draws it with ipywidgets, without which it would only warn."""
+    found = object() if widgets else None
+    monkeypatch.setattr(display.importlib.util, "find_spec", lambda name: found)
+    assert RunConsole(PLAN, terminal(io.StringIO(), force_jupyter=True)).redraws is widgets
+
+
+@dataclass(frozen=True)
+class File:
+    """What is fetched."""
+
+    name: str
+    size: int
+
+
+def test_downloads(clock):
+    """A line for each file with what is kept of it, then one every ten seconds."""
+    stream = io.StringIO()
+    console = Console(file=stream, width=200)
+    small, part = File("a.bin", 10_000_000), File("b.bin", 10_000_000)
+    with FetchConsole(console) as fetch:
+        for clock.now, done in ((0, 1_000_000), (5, 5_000_000), (10, 10_000_000)):
+            fetch(small, done, 10_000_000)
+        fetch(part, 1_000_000, 60_000_000)
+    assert stream.getvalue().splitlines() == [
+        "fetching a.bin (10 MB)",
+        "fetching a.bin: 10.0 of 10.0 MB",
+        "fetching b.bin (60 MB, 10 MB of it kept)",
+    ]
+
+
+def test_steps(clock):
+    """The first at once, others every ten seconds."""
+    stream = io.StringIO()
+    console = Console(file=stream, width=200)
+    with StepConsole(console) as steps:
+        for clock.now, what, done in ((0, "preparing", 0), (5, "a", 1), (10, "b", 2)):
+            steps(what, done, 4)
+    assert stream.getvalue().splitlines() == ["preparing", "b  2/4"]
+
+
+def test_a_study(clock):
+    """One line a step, and a face's own lines among them."""
+    stream = io.StringIO()
+    console = Console(file=stream, width=200)
+    study = StudyConsole(PLAN, console)
+    clock.now = 3
+    with study.busy("reading"):
+        pass
+    with study.running("flash") as run:
+        run("stage1", 1, 10, 0.5)
+    said = stream.getvalue().splitlines()
+    assert said[:2] == ["0:03  reading", "0:03  flash"]
+    assert "1/10  loss 0.5000" in said[2]

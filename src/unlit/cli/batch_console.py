@@ -6,38 +6,23 @@ import time
 from types import TracebackType
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
 
-from ..progress.console import clock, standard_error
-from .record import Row, readable
-from .run import Counts
-
-_PLAIN_SECONDS = 60.0
+from ..batches.record import Row, readable
+from ..batches.run import Counts
+from ..progress.display import Display
+from ..progress.log import clock
 
 
-class BatchConsole:
+class BatchConsole(Display):
     """Shows `Counts`; give it to `run_batch` and use it as a context manager.
 
     On a terminal a bar is redrawn in place; elsewhere a line is printed for each photo.
     """
 
     def __init__(self, console: Console | None = None) -> None:
-        self.console = console or standard_error()
-        self._bar = Progress(
-            BarColumn(bar_width=24),
-            TextColumn("{task.description}", markup=False),
-            console=self.console,
-            transient=True,
-            disable=not self.console.is_terminal,
-        )
-        self._task = self._bar.add_task("")
+        super().__init__(console, every=60.0)
         self._began: float | None = None
-        self._said: float | None = None
         self._counts: Counts | None = None
-
-    def __enter__(self) -> BatchConsole:
-        self._bar.start()
-        return self
 
     def __exit__(
         self,
@@ -45,32 +30,24 @@ class BatchConsole:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._bar.stop()
+        super().__exit__(kind, error, traceback)
         if error is None and self._counts is not None:
-            self._say(", ".join(_finished(self._counts)))
+            self.say(", ".join(_finished(self._counts)))
 
     def __call__(self, counts: Counts, rows: list[Row]) -> None:
         now, self._counts = time.monotonic(), counts
         if counts.workers and self._began is None:
             self._began = now
         state = self._state(counts, now)
-        self._bar.update(
-            self._task, total=counts.photos, completed=counts.finished, description=state
-        )
         for row in rows:
             if row.error:
-                self._say(f"failed  {row.error}")
-            elif not self.console.is_terminal:
-                self._say(f"done  {row.folder}  {sum(row.seconds.values()):.0f} s  ({state})")
-        if rows:
-            self._said = now
-        elif counts.running and (self._said is None or now - self._said > _PLAIN_SECONDS):
-            self._said = now
-            if not self.console.is_terminal:
-                self._say(state)
-
-    def _say(self, line: str) -> None:
-        self.console.print(readable(line), markup=False)
+                self.say(readable(f"failed  {row.error}"))
+            elif not self.redraws:
+                self.say(
+                    readable(f"done  {row.folder}  {sum(row.seconds.values()):.0f} s  ({state})")
+                )
+        if self.redraws or (counts.running and not rows):
+            self.show(counts.finished / max(counts.photos, 1), state)
 
     def _state(self, counts: Counts, now: float) -> str:
         parts = _finished(counts)

@@ -1,22 +1,23 @@
 """What a batch says while it runs."""
 
 import io
+import time
 
 import pytest
 from rich.console import Console
 
 pytest.importorskip("distributed", reason="needs the extra 'batch'")
 
-from unlit.batches import progress
-from unlit.batches.progress import BatchConsole
+
 from unlit.batches.record import Row
 from unlit.batches.run import Counts
+from unlit.cli.batch_console import BatchConsole
 
 
 def test_it_is_told_what_runs_before_the_first_photo_is_done(monkeypatch) -> None:
     """At once, then every minute; in between only what is done."""
     text, now = io.StringIO(), [0.0]
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
     with BatchConsole(Console(file=text, width=200)) as watch:
         watch(Counts(3), [])
         assert text.getvalue() == ""
@@ -26,7 +27,7 @@ def test_it_is_told_what_runs_before_the_first_photo_is_done(monkeypatch) -> Non
         watch(Counts(3, done=1, workers=2, running=1, longest=100.0), [Row("a.jpg", folder="a")])
     said = text.getvalue().splitlines()
     assert said[0] == "0 of 3, 2 workers, 2 running for up to 0:00"
-    assert said[1] == "0 of 3, 2 workers, 2 running for up to 1:02"
+    assert said[1] == "0 of 3, 2 workers, 2 running for up to 1:00"
     assert said[2].startswith("done  a  ")
     assert said[3:] == ["1 of 3"]
 
