@@ -69,7 +69,7 @@ class Teller:
 def run_check(file: Path, folder: Path, settings: Settings) -> Path:
     """Render the subject under three lights; returns the picture's path."""
     teller = Teller(settings)
-    study = _study(file, folder, settings, ("flash", "uniform", "side"), 64, False, teller)
+    study = _study(file, folder, settings, ("flash", "uniform", "side"), 64, 0, False, teller)
     path = folder / "check.png"
     write_one(path, png(check_sheet(study.subject, study.shots())))
     return path
@@ -81,6 +81,7 @@ def run_subject(
     settings: Settings,
     lights: Sequence[str],
     samples: int,
+    seed: int,
     ablation: bool,
     true_mesh: bool,
 ) -> Path:
@@ -89,7 +90,7 @@ def run_subject(
     if ablation and not set(lights) & set(_ABLATION):
         raise SettingsError(f"--ablation needs {' or '.join(_ABLATION)} in --lights")
     teller = Teller(settings)
-    study = _study(file, folder, settings, lights, samples, true_mesh, teller)
+    study = _study(file, folder, settings, lights, samples, seed, true_mesh, teller)
     shots = study.shots()
     rows = list(study.rows(shots))
     if ablation:
@@ -99,6 +100,7 @@ def run_subject(
         "subject": study.subject.name,
         "unlit": version("unlit"),
         "samples": samples,
+        "seed": seed,
         "true_mesh": true_mesh,
         "settings": as_dict(settings),
         "rows": [plain(row) for row in rows],
@@ -155,6 +157,7 @@ def _study(
     settings: Settings,
     lights: Sequence[str],
     samples: int,
+    seed: int,
     true_mesh: bool,
     teller: Teller,
 ) -> Study:
@@ -175,7 +178,7 @@ def _study(
         settings,
         store,
         samples,
-        settings.seed,
+        seed,
         true_mesh,
         teller.running,
     )

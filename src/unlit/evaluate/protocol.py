@@ -229,7 +229,7 @@ class Study:
             head = (
                 Head.of_mesh(*self.subject.mesh())
                 if self.true_mesh
-                else fitted_head(capture, self._head)
+                else fitted_head(capture, self._head, settings)
             )
             capture = with_light_color(capture, head, source, settings)
             capture = without_cast_shadow(capture, head, settings)

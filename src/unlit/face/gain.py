@@ -9,15 +9,12 @@ illuminance that was measured where the face is lit best, or else a convention (
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..color import luminance
-from ..conditions.illuminant import AUTO, NUMBER
 from ..errors import SettingsError
 from ..photo.crop import Crop
+from ..settings.conditions import KnownExposure
 
 #: The gain by convention. The photo's brightest skin is no white card: the palest returns some 0.7
 #: of the light.
@@ -26,38 +23,7 @@ CONVENTION = 0.7
 _PATCH = 0.01
 
 
-@dataclass(frozen=True)
-class Known:
-    """What is known: albedo of a patch at (x, y), pixels of the photo, or of the whole skin, by
-    Rec. 709 luminance; or illuminance, lux, of a surface that faces the light.
-    """
-
-    albedo: float | None = None
-    at: tuple[float, float] | None = None
-    lux: float | None = None
-
-
-def parse(text: str) -> Known:
-    """What `text` says; nothing for "auto". Raises SettingsError that lists what can be said."""
-    plain = "".join(text.lower().split())
-    if plain == AUTO:
-        return Known()
-    known = None
-    if found := re.fullmatch(rf"({NUMBER})lux", plain):
-        known = Known(lux=float(found[1]))
-    elif found := re.fullmatch(rf"skin=({NUMBER})", plain):
-        known = Known(float(found[1]))
-    elif found := re.fullmatch(rf"({NUMBER}),({NUMBER})=({NUMBER})", plain):
-        known = Known(float(found[3]), (float(found[1]), float(found[2])))
-    if known is None or not (known.lux or 0 < (known.albedo or 0) <= 1):
-        raise SettingsError(
-            f"exposure={text!r}: write auto, skin=ALBEDO or X,Y=ALBEDO (a pixel of the photo and "
-            "its albedo, above 0, at most 1), or the illuminance as 500lux"
-        )
-    return known
-
-
-def patch(known: Known, crop: Crop, inside: np.ndarray, skin: np.ndarray) -> np.ndarray:
+def patch(known: KnownExposure, crop: Crop, inside: np.ndarray, skin: np.ndarray) -> np.ndarray:
     """The pixels (S, S) bool whose albedo is known. Raises SettingsError if none is measured.
 
     inside: (S, S) bool, where the maps are measured; skin: (S, S) the soft mask.
@@ -79,7 +45,7 @@ def patch(known: Known, crop: Crop, inside: np.ndarray, skin: np.ndarray) -> np.
     return found
 
 
-def check_unit(known: Known, unit: float | None) -> None:
+def check_unit(known: KnownExposure, unit: float | None) -> None:
     """Raise SettingsError where lux are given and the photo has no unit (`Photo.unit`)."""
     if known.lux is not None and unit is None:
         raise SettingsError(
@@ -109,7 +75,9 @@ def conventional_gain(albedo: np.ndarray) -> float:
     return min(CONVENTION, within_one(albedo))
 
 
-def gain(known: Known, albedo: np.ndarray, full: float = 1.0, unit: float | None = None) -> float:
+def gain(
+    known: KnownExposure, albedo: np.ndarray, full: float = 1.0, unit: float | None = None
+) -> float:
     """What albedo is to be multiplied with, and light divided by.
 
     albedo: (N, 3) diffuse, of the patch. full: `full_light` of the face, and unit: `Photo.unit`,

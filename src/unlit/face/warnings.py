@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..color import encode_srgb
-from ..conditions import illuminant
 from ..optimize.losses import EXPOSED
+from ..settings.conditions import LightColorRequest
 from ..settings.settings import Settings
 from .reconstruction import Reconstruction
 
@@ -127,7 +127,7 @@ def _misfit(residual: Any) -> str:
 
 
 def _card(r: Reconstruction) -> str:
-    card = illuminant.parse(str(r.settings.get("light_color", "white"))).card
+    card = LightColorRequest(str(r.settings.get("light_color", "white"))).card
     if card is None:
         return ""
     column, row = np.floor(r.crop.points(card)).astype(int)

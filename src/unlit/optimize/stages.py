@@ -23,7 +23,8 @@ from ..scene.light import grid_lobes
 from ..scene.lobes import CellRadiance
 from ..scene.maps import DIFFUSE_BLUR
 from ..scene.mesh import surface, vertex_normals
-from ..settings.settings import Settings, Stage
+from ..settings.settings import Settings
+from ..settings.table1 import Stage
 from .blend import Blend
 from .blur import Blur
 from .losses import encode, gloss_l1, image_l1, landmark_l2, normal_l2, shape_l2, total_variation

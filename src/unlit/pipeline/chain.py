@@ -178,7 +178,7 @@ def reconstruct(
     _check_known(capture, loaded, settings)
     clock.lap("perception")
     progress("fit", 0, 1, 0.0)
-    head = fitted_head(capture, model)
+    head = fitted_head(capture, model, settings)
     clock.lap("fit")
     capture = with_light_color(capture, head, loaded, settings)
     if capture.light_found is not None:
@@ -223,21 +223,28 @@ def observe(
 
 def _check_known(capture: Capture, photo: Photo, settings: Settings) -> None:
     """Raise SettingsError, before the long work, for what the photo cannot tell as it was told."""
-    card = illuminant.parse(settings.light_color).card
+    card = settings.light_color.card
     if card is not None:
         illuminant.of_card(photo, card)
-    known = exposure.parse(settings.exposure)
+    known = settings.exposure
     exposure.check_unit(known, photo.unit)
     exposure.patch(known, capture.crop, capture.regions.face > 0.5, capture.regions.skin)
 
 
-def fitted_head(capture: Capture, model: HeadModel) -> Head:
+def fitted_head(capture: Capture, model: HeadModel, settings: Settings) -> Head:
     """`model` fitted to the capture's landmarks, then to its shading. Raises FaceError."""
     closed = bool(capture.regions.mouth.max() < 0.5)
-    problem = LandmarkProblem(model, capture.landmarks, capture.camera, image=capture.image)
+    problem = LandmarkProblem(
+        model, capture.landmarks, capture.camera, settings.landmark_fit, image=capture.image
+    )
     with threadpool_limits(1, user_api="blas"):
         fit = photometric_fit(
-            problem, problem.solve(closed), capture.image, capture.regions, mouth_closed=closed
+            problem,
+            problem.solve(closed),
+            capture.image,
+            capture.regions,
+            settings.shading_fit,
+            mouth_closed=closed,
         )
     return Head.of_fit(model, fit)
 
@@ -247,11 +254,11 @@ def with_light_color(capture: Capture, head: Head, photo: Photo, settings: Setti
 
     Raises SettingsError where a grey card cannot be read.
     """
-    asked = illuminant.parse(settings.light_color)
+    asked = settings.light_color
     if asked.card is not None:
         color, found = illuminant.of_card(photo, asked.card), None
-    elif asked.color is not None:
-        color, found = asked.color, None
+    elif (said := illuminant.told(asked)) is not None:
+        color, found = said, None
     else:
         color, found = estimated_color(evidence(capture, head), settings)
     face = capture.image[capture.regions.face > 0.5]
@@ -260,7 +267,7 @@ def with_light_color(capture: Capture, head: Head, photo: Photo, settings: Setti
 
 def without_cast_shadow(capture: Capture, head: Head, settings: Settings) -> Capture:
     """`capture` with what lies in the shadow of something else marked, if the settings ask."""
-    if settings.cast_shadows == "keep":
+    if settings.cast_shadow.mode == "keep":
         return capture
     landmarks = capture.landmarks[:, :2]
     up = upwards(landmarks)
@@ -429,7 +436,7 @@ def _result(
         e_image, s_image = e_image * capture.light_color, s_image * capture.light_color
         render = maps.diffuse_albedo * e_image + maps.specular_albedo[..., None] * s_image
         if capture.lit is not None:
-            left = attenuation(capture.image, render, capture.lit)
+            left = attenuation(capture.image, render, capture.lit, problem.settings.cast_shadow)
             e_image, s_image, render = e_image * left, s_image * left, render * left
     mask = np.zeros(shape, dtype=np.float32)
     mask.ravel()[problem.pixel] = capture.regions.face.ravel()[problem.pixel]
@@ -485,8 +492,8 @@ def _pin(capture: Capture, problem: Problem) -> Callable[[np.ndarray, np.ndarray
 
     What is known is told to the problem, too, for inter-reflection.
     """
-    known = exposure.parse(problem.settings.exposure)
-    if known == exposure.Known():
+    known = problem.settings.exposure
+    if known.albedo is None and known.lux is None:
         return lambda albedo, _: problem.skin_gain(albedo)
     inside = np.zeros(capture.image.shape[:2], dtype=bool)
     inside.ravel()[problem.pixel] = True

@@ -12,12 +12,18 @@ from ..face.reconstruction import Fit, Reconstruction
 from ..optimize.problem import Estimate, Problem, Progress
 from ..optimize.stages import Begin
 from ..perception.regions import Regions
-from ..settings.settings import TABLE_1, Settings
+from ..settings.settings import Settings, as_dict, flat, override
+from ..settings.table1 import TABLE_1
 from .chain import Capture, Head, Preview, solve
 
 #: Darker maps, and lobes, are raised to this, as their logarithms are what is optimised.
 _LEAST = 1e-3
 _LEAST_LIGHT = 1e-8
+#: Settings of the steps before the stages.
+_KEPT = {
+    *("head_model", "landmark_fit", "shading_fit", "light_color", "light_color_estimate"),
+    *("cast_shadow", "first_stage_iterations"),
+}
 
 
 def kept_fit(face: Reconstruction, stage: int, settings: Settings) -> Fit:
@@ -33,14 +39,13 @@ def kept_fit(face: Reconstruction, stage: int, settings: Settings) -> Fit:
         )
     if not 1 <= stage <= len(TABLE_1):
         raise SettingsError(f"stage {stage}: choose 1 to {len(TABLE_1)}")
-    kept = ("light_color", "cast_shadows", "head_model")
-    saved = {name: face.settings.get(name, getattr(Settings, name)) for name in kept}
-    saved["resolution"] = len(face.image)
-    for name, value in saved.items():
-        if (wanted := getattr(settings, name)) != value:
+    earlier = override(Settings(), {name: face.settings[name] for name in _KEPT & {*face.settings}})
+    saved = flat(as_dict(earlier)) | {"resolution": len(face.image)}
+    for name, wanted in flat(as_dict(settings)).items():
+        if name.partition(".")[0] in _KEPT | {"resolution"} and wanted != saved[name]:
             raise SettingsError(
-                f"{name}={wanted}: the saved result keeps its own, {value}; reconstruct the photo "
-                "again to change it"
+                f"{name}={wanted}: the saved result keeps its own, {saved[name]}; reconstruct the "
+                "photo again to change it"
             )
     return face.fit
 

@@ -47,16 +47,21 @@ def clock(seconds: float) -> str:
 
 
 def settings_block(settings: dict[str, Any]) -> list[str]:
-    """Readable lines of nested settings: tables side by side, then single values."""
-    stages = {name: value for name, value in settings.items() if isinstance(value, dict)}
-    singles = {name: value for name, value in settings.items() if name not in stages}
+    """Readable lines of nested settings: the stages side by side, then single values."""
+    stages = {name: value for name, value in settings.items() if name.startswith("stage")}
+    singles: dict[str, Any] = {}
+    for name, value in settings.items():
+        if isinstance(value, dict) and name not in stages:
+            singles |= {f"{name}.{field}": part for field, part in value.items()}
+        elif name not in stages:
+            singles[name] = value
     lines = ["settings"]
     if stages:
         lines.append(f"  {'':<22}" + "".join(f"{name:>9}" for name in stages))
         for field in next(iter(stages.values())):
             row = "".join(f"{stage.get(field, ''):>9}" for stage in stages.values())
             lines.append(f"  {field:<22}{row}")
-    return [*lines, *(f"  {name:<22}{value!s:>9}" for name, value in singles.items())]
+    return [*lines, *(f"  {name:<36}{value!s:>9}" for name, value in singles.items())]
 
 
 class RunConsole:

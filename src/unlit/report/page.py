@@ -14,13 +14,14 @@ from typing import Any
 import tomli_w
 
 from ..color import is_white
-from ..conditions.illuminant import AUTO, temperature
+from ..conditions.illuminant import temperature
 from ..evaluate.psnr import psnr
 from ..face.gain import full_light
 from ..face.reconstruction import Reconstruction
 from ..face.warnings import findings
 from ..output.atlas import Atlas, bake
 from ..output.load import load
+from ..settings.conditions import AUTO
 from ..storage.folder import REPORT, write_one
 from . import figures
 from .bundle import REMEDY, WEB, missing_because, program

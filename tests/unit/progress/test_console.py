@@ -36,6 +36,7 @@ def test_settings_are_all_there_and_aligned():
         "resolution": 512,
         "stage1": {"iterations": 2000, "rate": 0.05},
         "stage2": {"iterations": 750, "rate": 0.01},
+        "cast_shadow": {"mode": "auto", "dark": -0.45},
     }
     lines = settings_block(settings)
     assert [line.split() for line in lines] == [
@@ -44,6 +45,8 @@ def test_settings_are_all_there_and_aligned():
         ["iterations", "2000", "750"],
         ["rate", "0.05", "0.01"],
         ["resolution", "512"],
+        ["cast_shadow.mode", "auto"],
+        ["cast_shadow.dark", "-0.45"],
     ]
     assert len({len(line) for line in lines[1:4]}) == 1
 
