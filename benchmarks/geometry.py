@@ -47,7 +47,7 @@ from unlit.evaluate.psnr import psnr
 from unlit.evaluate.store import Store
 from unlit.evaluate.subject import visible_surface
 from unlit.evaluate.table import Table, markdown
-from unlit.fit.landmarks import FitSettings, HeadFit, LandmarkProblem
+from unlit.fit.landmarks import HeadFit, LandmarkProblem
 from unlit.fit.shading import photometric_fit
 from unlit.head.landmark_error import NO_ERROR
 from unlit.head.model import HeadModel, default_model
@@ -56,6 +56,7 @@ from unlit.output.images import png
 from unlit.perception.topology import FACE_OVAL, LEFT_EYE, LIPS_INNER, RIGHT_EYE
 from unlit.photo.photo import Photo
 from unlit.pipeline.chain import Capture, Head, observe, solve
+from unlit.settings.fit import LandmarkFit
 from unlit.settings.settings import PRESETS, Settings
 from unlit.storage.keys import key
 
@@ -69,7 +70,7 @@ _SUFFIX = "_without_stage_3"
 #: Ways of fitting that --relight goes on from; the last one without stage 3, too.
 RELIT = ("mean head", "landmarks", "photometric")
 #: What a landmark fit should not do.
-TIGHT = FitSettings(oval_weight=1, other_weight=1, deviation=1.5, huber=30, last_deviation=1.5)
+TIGHT = LandmarkFit(oval_weight=1, other_weight=1, deviation=1.5, huber=30, last_deviation=1.5)
 #: Pairs of landmarks around the nostrils, and the radius about their middle, pixels of 512.
 _NOSTRILS, _NOSTRIL = ((98, 97), (327, 326)), 6.0
 _WORST = 30.0

@@ -31,7 +31,7 @@ from unlit.optimize.losses import encode
 from unlit.render.reference import mesh_body, mitsuba_environment
 from unlit.scene.arrays import device
 from unlit.scene.mesh import Mesh
-from unlit.settings.settings import TABLE_1
+from unlit.settings.table1 import TABLE_1
 
 mi = mitsuba()
 

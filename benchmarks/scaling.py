@@ -21,7 +21,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from unlit.settings.settings import TABLE_1
+from unlit.settings.table1 import TABLE_1
 
 
 def row(size: int, cells: int, threads: int, share: float) -> dict[str, Any]:

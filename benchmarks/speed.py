@@ -38,7 +38,8 @@ from unlit.scene.cells import grid_cells
 from unlit.scene.light import SphericalGaussians
 from unlit.scene.maps import Maps
 from unlit.scene.mesh import Mesh, surface
-from unlit.settings.settings import PRESETS, TABLE_1
+from unlit.settings.settings import PRESETS
+from unlit.settings.table1 import TABLE_1
 
 mi = mitsuba()
 

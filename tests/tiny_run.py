@@ -22,7 +22,7 @@ from unlit.output.arrays import write_arrays
 from unlit.perception.regions import Regions
 from unlit.photo.crop import Crop
 from unlit.pipeline.chain import Capture, Head, solve
-from unlit.settings.settings import Settings
+from unlit.settings.settings import Settings, override
 
 SIZE = 32
 
@@ -31,7 +31,7 @@ def settings(**changes: object) -> Settings:
     """Three refreshes in every stage; the mesh moves far enough for its rays to be traced anew."""
     short = Settings(resolution=SIZE, refresh_interval=2, light_points=150, retrace_distance=0.001)
     stages = {f"stage{k}": replace(getattr(short, f"stage{k}"), iterations=5) for k in range(1, 6)}
-    return replace(short, **stages, **changes)
+    return override(replace(short, **stages), changes)
 
 
 def capture(seed: int = 1) -> Capture:

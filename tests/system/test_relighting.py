@@ -35,7 +35,7 @@ def test_flash_to_uniform(shared: Path, skin: str, true_mesh: bool, bar: float) 
     if true_mesh:
         head = Head.of_mesh(subject.vertices, subject.triangles)
     else:
-        head = fitted_head(capture, default_model())
+        head = fitted_head(capture, default_model(), settings)
     face = solve(capture, head, settings)
     relit = face.relight(unlit.lights.uniform())
     inside = subject.mask & (face.mask > 0.5) & (capture.regions.eyes < 0.3)

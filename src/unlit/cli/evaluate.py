@@ -45,7 +45,8 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--true-mesh", action="store_true", help="give the reconstruction the subject's own mesh"
     )
-    add_settings(parser, "paper", seed="of the path tracer's samples (0)")
+    parser.add_argument("--seed", type=_seed, metavar="N", help="of the path tracer's samples (0)")
+    add_settings(parser, "paper")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -71,10 +72,14 @@ def run(options: argparse.Namespace) -> int:
         path = command.run_persons(inputs, folder, settings, options.face, watch)
     else:
         lights = (options.lights or "flash,uniform").split(",")
-        samples, ablation, own = options.samples or 256, options.ablation, options.true_mesh
-        path = command.run_subject(
-            inputs[0], folder, settings, lights, samples, ablation, own, watch
+        protocol = command.Plan(
+            lights,
+            options.samples or 256,
+            options.seed or 0,
+            options.ablation,
+            options.true_mesh,
         )
+        path = command.run_subject(inputs[0], folder, settings, protocol, watch)
     print(path.read_text())
     print(path)
     return 0
@@ -85,6 +90,7 @@ def _refuse_unused(options: argparse.Namespace) -> None:
     of_protocol = {
         "--lights": options.lights is not None,
         "--samples": options.samples is not None,
+        "--seed": options.seed is not None,
         "--true-mesh": options.true_mesh,
     }
     of_photos = {"--face": options.face != "only"}
@@ -103,3 +109,9 @@ def _samples(text: str) -> int:
     if text.isdecimal() and 1 <= int(text) <= 65536:
         return int(text)
     raise argparse.ArgumentTypeError(f"{text!r}: write a number from 1 to 65536")
+
+
+def _seed(text: str) -> int:
+    if text.isdecimal() and int(text) < 1_000_000:
+        return int(text)
+    raise argparse.ArgumentTypeError(f"{text!r}: write a number from 0 to 999999")

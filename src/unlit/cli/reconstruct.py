@@ -168,7 +168,6 @@ def _continue(options: argparse.Namespace) -> int:
         "--preset": options.preset != "paper",
         "--resolution": options.resolution is not None,
         "--memory": options.memory is not None,
-        "--seed": options.seed is not None,
         "--light-color": options.light_color is not None,
         "--cast-shadows": options.cast_shadows is not None,
         "--config": options.config is not None,

@@ -5,25 +5,25 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, get_args
 
 from ..errors import SettingsError
 from ..machine import cost as footprint
+from ..settings.conditions import CastShadowMode
+from ..settings.settings import PRESETS, Settings, override
 
-if TYPE_CHECKING:
-    from ..settings.settings import Settings
+#: Options whose text is the value of a setting.
+_SETTINGS = {
+    "resolution": "resolution",
+    "model": "head_model",
+    "light_color": "light_color",
+    "exposure": "exposure",
+    "cast_shadows": "cast_shadow.mode",
+}
 
-#: Kept here, too, so that the help does not wait for the renderer.
-PRESETS = ("paper", "draft")
 
-
-def add_settings(
-    parser: argparse.ArgumentParser,
-    preset: str,
-    every_face: bool = False,
-    seed: str = "kept in the result; without effect, as nothing in the method is random",
-) -> None:
-    """Add the options; with `every_face`, --face takes "all", too. seed: what it is for."""
+def add_settings(parser: argparse.ArgumentParser, preset: str, every_face: bool = False) -> None:
+    """Add the options; with `every_face`, --face takes "all", too."""
     parser.add_argument(
         "--preset",
         choices=PRESETS,
@@ -47,7 +47,24 @@ def add_settings(
         help="head model to fit: makehuman (default), ict once added by `unlit models add`, or an "
         ".npz file of docs/head-model-format.md",
     )
-    parser.add_argument("--seed", type=int, metavar="N", help=seed)
+    _add_conditions(parser)
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        type=_assignment,
+        metavar="NAME=VALUE",
+        help="override one setting, e.g. stage2.iterations=500; may be repeated",
+    )
+    parser.add_argument(
+        "--config",
+        metavar="FILE.toml",
+        help="settings from a TOML file, or those of an older result's reconstruction.toml",
+    )
+    _add_face(parser, every_face)
+
+
+def _add_conditions(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--light-color",
         metavar="COLOR",
@@ -64,23 +81,13 @@ def add_settings(
     )
     parser.add_argument(
         "--cast-shadows",
-        choices=("auto", "keep"),
+        choices=get_args(CastShadowMode),
         help="auto (default): where hair, a hat or a hand seems to cast a shadow on the face, fill "
         "the maps in from around; keep: take the photo as it is",
     )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        type=_assignment,
-        metavar="NAME=VALUE",
-        help="override one setting, e.g. stage2.iterations=500; may be repeated",
-    )
-    parser.add_argument(
-        "--config",
-        metavar="FILE.toml",
-        help="settings from a TOML file, or those of an older result's reconstruction.toml",
-    )
+
+
+def _add_face(parser: argparse.ArgumentParser, every_face: bool) -> None:
     parser.add_argument(
         "--face",
         type=lambda text: text if every_face and text == "all" else _face(text),
@@ -95,17 +102,12 @@ def add_settings(
 
 def settings_of(options: argparse.Namespace) -> Settings:
     """Preset, then --config, then the options with names of settings, then --set."""
-    from ..settings.settings import PRESETS, override
-
-    changes: dict[str, Any] = {}
+    settings = PRESETS[options.preset]
     if options.config is not None:
-        changes |= _config(Path(options.config))
-    for name in ("resolution", "seed", "light_color", "exposure", "cast_shadows"):
-        if getattr(options, name) is not None:
-            changes[name] = getattr(options, name)
-    if options.model is not None:
-        changes["head_model"] = options.model
-    settings = override(override(PRESETS[options.preset], changes), dict(options.set))
+        settings = override(settings, _config(Path(options.config)))
+    named = {name: getattr(options, option) for option, name in _SETTINGS.items()}
+    settings = override(settings, {name: said for name, said in named.items() if said is not None})
+    settings = override(settings, dict(options.set))
     if settings.head_model.endswith(".npz"):
         # A worker or a later run may have another working directory.
         file = Path(settings.head_model).expanduser().resolve()

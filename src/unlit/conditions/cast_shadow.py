@@ -20,24 +20,14 @@ from scipy import ndimage
 from ..color import UNCLIPPED, decode_srgb
 from ..optimize.observation import Observation
 from ..scene.camera import Camera
+from ..settings.conditions import CastShadow
 from ..settings.settings import Settings
 from .first_stage import FirstLook, first_look
 
-#: Side at which shadows are looked for; lengths below are pixels of it.
+#: Side at which shadows are looked for; the settings' lengths are pixels of it.
 _SIZE = 256
-_FEATURES, _RIM, _SMOOTH, _GROWN, _BRIDGED, _SOFT = 3, 3, 5, 4, 18, 2.0
-#: Log ratio of the photo to the model below which skin is in shadow, and next to such skin.
-_DARK, _DIM = -0.45, -0.2
-#: Added to both, linear: what a photo's black may stand for.
-_BLACK = 0.01
-#: Photo and model below which their ratio says nothing, and what a photo's white may stand for.
-_LEAST_SEEN = 1e-3
+#: What a photo's white may stand for.
 _WHITE = float(decode_srgb(np.float32(UNCLIPPED[1])))
-#: Least diffuse shading that the model has there, where full light is 1.
-_LIT = 0.15
-#: Least share of the face, and of its border that has to lie along the outline of the face, and of
-#: its area above the nose's base. More than `_MOST` of the face is no shadow but a wrong light.
-_LEAST, _ALONG, _ABOVE, _MOST = 0.015, 0.33, 0.5, 0.4
 
 
 def cast_shadow(
@@ -58,20 +48,23 @@ def cast_shadow(
             look = first_look(replace(small, weight=weight), replace(settings, bounces=0))
         except ValueError:
             return None
-        shadow = shadowed(small, look, above)
+        shadow = shadowed(small, look, above, settings.cast_shadow)
         if not shadow.any():
             return None
     return 1 - cv2.resize(_grown(shadow, 1).astype(np.float32), (size, size))
 
 
-def attenuation(image: np.ndarray, render: np.ndarray, lit: np.ndarray) -> np.ndarray:
+def attenuation(
+    image: np.ndarray, render: np.ndarray, lit: np.ndarray, settings: CastShadow
+) -> np.ndarray:
     """What the shadow leaves of the light: (S, S, 3) float32, at most 1, and 1 where `lit` is.
 
     The photo over the render without the shadow, smooth: shading has it, as albedo has it not.
     """
-    reach = _SOFT * len(lit) / _SIZE
+    reach = settings.soft * len(lit) / _SIZE
     shadow = ((1 - lit) * (render > 0).any(axis=2))[..., None]
-    ratio = np.log(np.maximum(image, _LEAST_SEEN) / np.maximum(render, _LEAST_SEEN))
+    least = settings.least_seen
+    ratio = np.log(np.maximum(image, least) / np.maximum(render, least))
 
     def spread(values: np.ndarray) -> np.ndarray:
         return np.asarray(ndimage.gaussian_filter(values, (reach, reach, 0)))
@@ -102,35 +95,39 @@ def _reduced(observation: Observation) -> Observation:
     )
 
 
-def shadowed(observation: Observation, look: FirstLook, above: np.ndarray) -> np.ndarray:
+def shadowed(
+    observation: Observation, look: FirstLook, above: np.ndarray, settings: CastShadow
+) -> np.ndarray:
     """(H, W) bool: the skin in the shadow of something else, given what stage 1 makes of it."""
     # A photo is no brighter than white, whatever the model would have.
-    photo, model = (np.clip(x, 0, _WHITE) + _BLACK for x in (observation.image, look.render))
-    ratio = np.log(photo / model).mean(axis=2)
-    ratio = cv2.medianBlur(np.where(look.seen, ratio, 0).astype(np.float32), _SMOOTH)
-    features = observation.regions[..., 1:4].sum(axis=2)  # lips, eyes, eyebrows
-    skin = look.seen & (features < 0.5) & (look.diffuse_shading > _LIT)
-    plain = skin & ~_grown(features > 0.1, _FEATURES)
-    whole: Any = ndimage.binary_fill_holes(look.seen)
-    rim = _grown(~whole, _RIM + 1)
-    core = cv2.morphologyEx(
-        (plain & (ratio < _DARK)).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
+    photo, model = (
+        np.clip(x, 0, _WHITE) + settings.black for x in (observation.image, look.render)
     )
+    ratio = np.log(photo / model).mean(axis=2)
+    ratio = np.where(look.seen, ratio, 0).astype(np.float32)
+    ratio = cv2.medianBlur(ratio, 2 * settings.smooth + 1)
+    features = observation.regions[..., 1:4].sum(axis=2)  # lips, eyes, eyebrows
+    skin = look.seen & (features < 0.5) & (look.diffuse_shading > settings.least_shading)
+    plain = skin & ~_grown(features > 0.1, settings.features)
+    whole: Any = ndimage.binary_fill_holes(look.seen)
+    rim = _grown(~whole, settings.rim + 1)
+    dark = (plain & (ratio < settings.dark)).astype(np.uint8)
+    core = cv2.morphologyEx(dark, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     count, labels = cv2.connectedComponents(core, connectivity=4)
     found = np.zeros_like(skin)
     for label in range(1, count):
         part = labels == label
         border = _grown(part, 1) & ~part
-        large = part.sum() > _LEAST * look.seen.sum()
-        if large and rim[border].mean() > _ALONG and above[part].mean() > _ABOVE:
+        large = part.sum() > settings.least * look.seen.sum()
+        if large and rim[border].mean() > settings.along and above[part].mean() > settings.above:
             found |= part
     # Between its parts it lies beside eyes and brows, too.
     near = cv2.erode(
-        _grown(found, _GROWN + _BRIDGED).astype(np.uint8),
-        np.ones((2 * _BRIDGED + 1,) * 2, np.uint8),
+        _grown(found, settings.grown + settings.bridged).astype(np.uint8),
+        np.ones((2 * settings.bridged + 1,) * 2, np.uint8),
     )
-    found |= skin & (ratio < _DIM) & (near > 0)
-    return found if found.sum() <= _MOST * look.seen.sum() else np.zeros_like(found)
+    found |= skin & (ratio < settings.dim) & (near > 0)
+    return found if found.sum() <= settings.most * look.seen.sum() else np.zeros_like(found)
 
 
 def _grown(mask: np.ndarray, reach: int) -> np.ndarray:

@@ -27,7 +27,7 @@ def estimate_conditions(
     Raises SettingsError where a grey card cannot be read.
     """
     conditions = _light_color(photo, head, source, settings)
-    if settings.cast_shadows == "keep":
+    if settings.cast_shadow.mode == "keep":
         return conditions
     seen = observation(photo, head, conditions)
     return replace(conditions, visibility=cast_shadow(seen, _above_nose(photo), settings))
@@ -36,11 +36,11 @@ def estimate_conditions(
 def _light_color(
     photo: FacePhoto, head: FittedHead, source: Photo, settings: Settings
 ) -> Conditions:
-    asked, found = illuminant.parse(settings.light_color), None
+    asked, found = settings.light_color, None
     if asked.card is not None:
         color = illuminant.of_card(source, asked.card)
-    elif asked.color is not None:
-        color = asked.color
+    elif (told := illuminant.told(asked)) is not None:
+        color = told
     else:
         color, found = estimated_color(observation(photo, head, Conditions()), settings)
     face = photo.image[photo.regions.face > 0.5]

@@ -21,8 +21,6 @@ from ..scene.cells import grid_cells, refine
 from ..scene.lobes import CellRadiance
 from ..settings.settings import Settings
 
-_ITERATIONS = 100
-
 
 @dataclass(frozen=True)
 class FirstLook:
@@ -40,7 +38,8 @@ class FirstLook:
 
 def first_look(observation: Observation, settings: Settings) -> FirstLook:
     """Stage 1 cut short. Raises ValueError when the mesh and the mask do not overlap."""
-    short = replace(settings, stage1=replace(settings.stage1, iterations=_ITERATIONS))
+    stage = replace(settings.stage1, iterations=settings.first_stage_iterations)
+    short = replace(settings, stage1=stage)
     problem = Problem(observation, short, AlbedoGain(), lambda *_: None)
     cells = grid_cells(short.cell_rows, short.cell_columns)
     shading = Shading(problem, cells)

@@ -5,22 +5,12 @@ A light's colour is linear sRGB, (3,) float32, its largest channel 1. White is t
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
-
 import numpy as np
 
-from ..color import WHITE, decode_srgb, encode_srgb, is_white
+from ..color import encode_srgb, is_white
 from ..errors import SettingsError
 from ..photo.photo import Photo
-
-AUTO = "auto"
-#: A number as people write it in an option.
-NUMBER = r"\d+(?:\.\d+)?"
-#: Temperatures that have a colour here, kelvin.
-LOWEST, HIGHEST = 1700.0, 25000.0
-#: Least channel of a light's colour: a photo holds nothing of a channel without light.
-FAINTEST = 0.02
+from ..settings.conditions import FAINTEST, HIGHEST, LOWEST, LightColorRequest
 
 _XYZ_TO_SRGB = np.array(
     [
@@ -29,53 +19,17 @@ _XYZ_TO_SRGB = np.array(
         [0.0556434, -0.2040259, 1.0572252],
     ]
 )
-#: Three numbers of which one is larger are no linear values, but those of a colour picker.
-_LINEAR = 16.0
-_WAYS = "white, auto, a temperature as 2700K, the grey card's pixel X,Y, R,G,B (linear) or #rrggbb"
 # Side of the square that a grey card's pixel stands for, as a part of the photo's longer side.
 _CARD = 0.01
 #: Encoded values between which a card's colour can be read.
 _READABLE = (0.02, 0.99)
 
 
-@dataclass(frozen=True)
-class Request:
-    """What the user says of the light: one of the three, or none for an automatic estimate."""
-
-    color: np.ndarray | None = None
-    card: tuple[float, float] | None = None
-
-
-def parse(text: str) -> Request:
-    """The request that `text` makes. Raises SettingsError that lists what can be said."""
-    wrong = SettingsError(f"light_color={text!r}: write {_WAYS}")
-    plain = text.strip().lower()
-    if plain == "white":
-        return Request(WHITE)
-    if plain == AUTO:
-        return Request()
-    if re.fullmatch(r"#[0-9a-f]{6}", plain):
-        return Request(normalised(decode_srgb(np.array([*bytes.fromhex(plain[1:])]) / 255), text))
-    if found := re.fullmatch(rf"({NUMBER}) ?k", plain):
-        if not LOWEST <= float(found[1]) <= HIGHEST:
-            raise SettingsError(
-                f"light_color={text!r}: give a temperature from {LOWEST:.0f}K to {HIGHEST:.0f}K"
-            )
-        return Request(of_temperature(float(found[1])))
-    numbers = plain.split(",")
-    if not all(re.fullmatch(NUMBER, number.strip()) for number in numbers):
-        raise wrong
-    if len(numbers) == 2:
-        return Request(card=(float(numbers[0]), float(numbers[1])))
-    if len(numbers) == 3:
-        if max(map(float, numbers)) > _LINEAR:
-            code = "#{:02x}{:02x}{:02x}".format(*(min(round(float(n)), 255) for n in numbers))
-            raise SettingsError(
-                f"light_color={text!r}: three numbers are linear; for 0 to 255 of a picture "
-                f"write '{code}'"
-            )
-        return Request(normalised(np.array(numbers, dtype=np.float64), text))
-    raise wrong
+def told(request: LightColorRequest) -> np.ndarray | None:
+    """The colour that is said outright; None where a card or an estimate is to tell it."""
+    if request.kelvin is not None:
+        return of_temperature(request.kelvin)
+    return None if request.rgb is None else normalised(np.array(request.rgb), request.text)
 
 
 def normalised(rgb: np.ndarray, source: str) -> np.ndarray:

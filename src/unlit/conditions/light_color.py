@@ -23,29 +23,15 @@ from scipy import ndimage
 from ..color import WHITE
 from ..face.conditions import LightEstimate
 from ..optimize.observation import Observation
+from ..settings.conditions import HIGHEST, LOWEST, LightColorEstimate
 from ..settings.settings import Settings
 from .first_stage import first_look
-from .illuminant import HIGHEST, LOWEST, of_temperature
+from .illuminant import of_temperature
 
-# Lengths for a crop of 256 pixels. Slopes are of what is left when means over _SPREAD are taken
-# away; pixels nearer than _MARGIN to what is no plain skin are left out; image and model are
-# blurred by _BLUR.
-_SIZE, _SPREAD, _MARGIN, _BLUR = 256, 14.0, 4, 2.5
-#: Diffuse shading below which a pixel is left out, where full light is 1; linear photo values
-#: between which it is used.
-_DARKEST, _USED = 0.15, (0.003, 0.9)
-#: Blocks a side, which are taken as independent of each other.
-_BLOCKS = 16
-#: Error of the slopes, relative to their size, that the blocks do not show: of S, of the photo's
-#: tone curve.
-_SYSTEMATIC = 0.05
-#: Lights are expected about daylight, in mired (10^6 / kelvin). They are told from white if they
-#: differ by so many mired (5,450 to 8,080 K is called white), and if white is so much less likely
-#: (difference of squared deviations).
-_DAYLIGHT, _EXPECTED, _DIFFERENT, _TOLD = 1e6 / 6504, 200.0, 30.0, 6.0
-_LEAST_PIXELS = 500
-#: Residuals are weighted by 1 / (1 + (r / (_OUTLIER median))^2): freckles, hairs.
-_OUTLIER, _REWEIGHTED = 2.0, 3
+# Side of the crop that the settings' lengths are for, pixels.
+_SIZE = 256
+#: Mired (10^6 / kelvin).
+_DAYLIGHT = 1e6 / 6504
 
 
 @dataclass(frozen=True)
@@ -65,12 +51,13 @@ def estimated_color(
         look = first_look(observation, settings)
     except ValueError:  # the head and the mask do not overlap: `solve` says so
         return WHITE.copy(), LightEstimate(used=False)
-    e, s = look.diffuse_shading, look.specular_shading
-    found = slopes(observation.image, e, s, _plain_skin(observation) & (e > _DARKEST))
+    how, e, s = settings.light_color_estimate, look.diffuse_shading, look.specular_shading
+    where = _plain_skin(observation, how.margin) & (e > how.least_shading)
+    found = slopes(observation.image, e, s, where, how)
     if found is None:
         return WHITE.copy(), LightEstimate(used=False)
-    mired, deviation, excess = most_likely(found)
-    told = abs(mired - _DAYLIGHT) > _DIFFERENT and excess > _TOLD
+    mired, deviation, excess = most_likely(found, how)
+    told = abs(mired - _DAYLIGHT) > how.different and excess > how.told
     about = LightEstimate(
         used=bool(told),
         kelvin=float(1e6 / mired),
@@ -81,21 +68,28 @@ def estimated_color(
     return (of_temperature(1e6 / mired) if told else WHITE.copy()), about
 
 
-def _plain_skin(observation: Observation) -> np.ndarray:
+def _plain_skin(observation: Observation, margin: int) -> np.ndarray:
     """(H, W) bool: skin, with a margin to everything else."""
     skin = observation.mask & (observation.regions[..., 0] > 0.9)
-    reach = max(1, round(_MARGIN * len(skin) / _SIZE))
+    reach = max(1, round(margin * len(skin) / _SIZE))
     return np.asarray(ndimage.binary_erosion(skin, np.ones((3, 3)), iterations=reach))
 
 
-def slopes(image: np.ndarray, e: np.ndarray, s: np.ndarray, where: np.ndarray) -> Slopes | None:
+def slopes(
+    image: np.ndarray,
+    e: np.ndarray,
+    s: np.ndarray,
+    where: np.ndarray,
+    settings: LightColorEstimate,
+) -> Slopes | None:
     """The slopes over s = S / E in the pixels `where` (H, W) bool; None if there are too few.
 
     image: (H, W, 3) linear; e, s: (H, W) diffuse and specular shading. Differences of albedo over
     long distances, and what follows ln E, are taken out first.
     """
     unit = len(where) / _SIZE
-    where = where & (image.min(axis=2) > _USED[0]) & (image.max(axis=2) < _USED[1])
+    where = where & (image.min(axis=2) > settings.darkest)
+    where &= image.max(axis=2) < settings.brightest
     weight = where.astype(np.float64)
 
     def mean(values: np.ndarray, deviation: float) -> np.ndarray:
@@ -103,32 +97,33 @@ def slopes(image: np.ndarray, e: np.ndarray, s: np.ndarray, where: np.ndarray) -
         share: Any = ndimage.gaussian_filter(weight, deviation * unit)
         return blurred / np.maximum(share, 1e-6)
 
-    rgb = np.stack([mean(image[..., c], _BLUR) for c in range(3)], axis=-1)
-    e, s = mean(e, _BLUR), mean(s, _BLUR)
-    if where.sum() < _LEAST_PIXELS * unit**2:
+    rgb = np.stack([mean(image[..., c], settings.blur) for c in range(3)], axis=-1)
+    e, s = mean(e, settings.blur), mean(s, settings.blur)
+    if where.sum() < settings.least_pixels * unit**2:
         return None
     log = np.log(np.maximum(rgb, 1e-6))
 
     def fine(values: np.ndarray) -> np.ndarray:
         """Without its local linear trend, at the pixels."""
-        low = mean(values, _SPREAD)
-        return (values - 2 * low + mean(low, _SPREAD))[where]
+        low = mean(values, settings.spread)
+        return (values - 2 * low + mean(low, settings.spread))[where]
 
     ratio = s / np.maximum(e, 1e-6)
     known = np.stack([fine(ratio), fine(np.log(np.maximum(e, 1e-6)))], axis=1)
     wanted = np.stack([fine(log[..., c] - log[..., 1]) for c in (0, 2)], axis=1)
     rows, columns = np.nonzero(where)
-    block = rows * _BLOCKS // len(where) * _BLOCKS + columns * _BLOCKS // where.shape[1]
+    count = settings.blocks
+    block = rows * count // len(where) * count + columns * count // where.shape[1]
     used, block = np.unique(block, return_inverse=True)
     ridge = 1e-9 * np.eye(2)
     trust = np.ones(len(known))
-    for _ in range(_REWEIGHTED + 1):
+    for _ in range(settings.reweighted + 1):
         normal, right = np.zeros((len(used), 2, 2)), np.zeros((len(used), 2, 2))
         np.add.at(normal, block, (trust[:, None] * known)[:, :, None] * known[:, None, :])
         np.add.at(right, block, (trust[:, None] * known)[:, :, None] * wanted[:, None, :])
         value = np.linalg.solve(normal.sum(0) + ridge, right.sum(0))
         rest = ((wanted - known @ value) ** 2).sum(axis=1)
-        trust = 1 / (1 + rest / (_OUTLIER**2 * np.median(rest)))
+        trust = 1 / (1 + rest / (settings.outlier**2 * np.median(rest)))
     value = value[0]
     # Jackknife: without one block at a time.
     without = np.linalg.solve(normal.sum(0) - normal + ridge, right.sum(0) - right)[:, 0]
@@ -138,20 +133,20 @@ def slopes(image: np.ndarray, e: np.ndarray, s: np.ndarray, where: np.ndarray) -
     return Slopes(value, covariance, level)
 
 
-def most_likely(found: Slopes) -> tuple[float, float, float]:
+def most_likely(found: Slopes, settings: LightColorEstimate) -> tuple[float, float, float]:
     """The likeliest light, mired, its deviation, and how much less likely white is."""
     mired = np.arange(1e6 / HIGHEST, 1e6 / LOWEST, 1.0)
     light = np.array([of_temperature(1e6 / m) for m in mired], dtype=np.float64)
     share = light / found.body
     expected = share[:, (0, 2)] - share[:, 1:2]  # of rho_s = 1
-    covariance = found.covariance + np.eye(2) * _SYSTEMATIC**2 * (found.value**2).sum()
+    covariance = found.covariance + np.eye(2) * settings.systematic**2 * (found.value**2).sum()
     precision = np.linalg.inv(covariance + 1e-12 * np.eye(2))
     gloss = (expected @ precision @ found.value) / np.einsum(
         "ni,ij,nj->n", expected, precision, expected
     )
     rest = found.value - np.maximum(gloss, 0)[:, None] * expected
     misfit = np.einsum("ni,ij,nj->n", rest, precision, rest)
-    cost = misfit + ((mired - _DAYLIGHT) / _EXPECTED) ** 2
+    cost = misfit + ((mired - _DAYLIGHT) / settings.expected) ** 2
     best = int(np.argmin(cost))
     near = mired[cost < cost[best] + 1]
     white = np.interp(_DAYLIGHT, mired, misfit)

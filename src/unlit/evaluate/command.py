@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
@@ -56,45 +57,51 @@ class Watch(Protocol):
 
 def run_check(file: Path, folder: Path, settings: Settings, watch: Watch) -> Path:
     """Render the subject under three lights; returns the picture's path."""
-    study = _study(file, folder, settings, ("flash", "uniform", "side"), 64, False, watch)
+    plan = Plan(("flash", "uniform", "side"), samples=64)
+    study = _study(file, folder, settings, plan, watch)
     path = folder / "check.png"
     write_one(path, png(check_sheet(study.subject, study.shots())))
     return path
 
 
-def run_subject(
-    file: Path,
-    folder: Path,
-    settings: Settings,
-    lights: Sequence[str],
-    samples: int,
-    ablation: bool,
-    true_mesh: bool,
-    watch: Watch,
-) -> Path:
+@dataclass(frozen=True)
+class Plan:
+    """What an evaluation does. lights: as `light` takes them. samples: of the path tracer, per
+    pixel, and its seed. ablation: leave out each stage in turn, too. true_mesh: see Study.
+    """
+
+    lights: Sequence[str]
+    samples: int = 256
+    seed: int = 0
+    ablation: bool = False
+    true_mesh: bool = False
+
+
+def run_subject(file: Path, folder: Path, settings: Settings, plan: Plan, watch: Watch) -> Path:
     """The whole protocol; returns the path of the Markdown tables."""
     check_packages()
-    if ablation and not set(lights) & set(_ABLATION):
+    if plan.ablation and not set(plan.lights) & set(_ABLATION):
         raise SettingsError(f"an ablation needs {' or '.join(_ABLATION)} among the lights")
-    study = _study(file, folder, settings, lights, samples, true_mesh, watch)
+    study = _study(file, folder, settings, plan, watch)
     shots = study.shots()
     rows = list(study.rows(shots))
-    if ablation:
+    if plan.ablation:
         for stage in _STAGES:
             rows += study.rows(shots, _ABLATION, stage)
     result = {
         "subject": study.subject.name,
         "unlit": version("unlit"),
-        "samples": samples,
-        "true_mesh": true_mesh,
+        "samples": plan.samples,
+        "seed": plan.seed,
+        "true_mesh": plan.true_mesh,
         "settings": as_dict(settings),
         "rows": [plain(row) for row in rows],
     }
     facts = [
         f"unlit {version('unlit')}, {settings.resolution} x {settings.resolution} pixels, "
-        f"{samples} samples a pixel, iterations "
+        f"{plan.samples} samples a pixel, iterations "
         + " + ".join(str(stage.iterations) for stage in settings.stages()),
-        "the subject's own mesh was given" if true_mesh else "mesh fitted as from any photo",
+        "the subject's own mesh was given" if plan.true_mesh else "mesh fitted as from any photo",
     ]
     write_one(folder / "figure.png", png(result_sheet(study.subject, rows)))
     return _write(folder, study.subject.name, facts, tables(result), result, ["figure.png"])
@@ -141,14 +148,12 @@ def _study(
     file: Path,
     folder: Path,
     settings: Settings,
-    lights: Sequence[str],
-    samples: int,
-    true_mesh: bool,
+    plan: Plan,
     watch: Watch,
 ) -> Study:
-    known = tuple(light(name) for name in lights)
+    known = tuple(light(name) for name in plan.lights)
     names = [found.name for found in known]
-    for given, name in zip(lights, names, strict=True):
+    for given, name in zip(plan.lights, names, strict=True):
         if names.count(name) > 1:
             raise SettingsError(f"{given}: two lights are called {name!r}; rename one")
     files = files_of(file)
@@ -162,9 +167,9 @@ def _study(
         known,
         settings,
         store,
-        samples,
-        settings.seed,
-        true_mesh,
+        plan.samples,
+        plan.seed,
+        plan.true_mesh,
         watch.running,
     )
 

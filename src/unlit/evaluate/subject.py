@@ -12,10 +12,10 @@ from scipy import ndimage
 
 from ..machine.runtime import mitsuba
 from ..render.reference import path_trace
-from ..scene.brdf import ROUGHNESS
 from ..scene.camera import Camera
 from ..scene.maps import Maps
 from ..scene.mesh import Mesh, surface
+from ..settings.settings import ROUGHNESS
 from .truth import Truth
 
 mi = mitsuba()

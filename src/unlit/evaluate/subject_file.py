@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import SubjectError
-from ..scene.brdf import ROUGHNESS
 from ..scene.camera import Camera
 from ..scene.normals import vertex_normals
+from ..settings.settings import ROUGHNESS
 from ..storage.meshes import V_AXIS, Surface, read_mesh
 from ..storage.pictures import read_picture
 from ..storage.toml import read_toml

@@ -10,14 +10,11 @@ skin, or the illuminance that was measured where the face is lit best, or else a
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..color import luminance
-from ..conditions.illuminant import AUTO, NUMBER
 from ..errors import SettingsError
+from ..settings.conditions import AUTO, KnownExposure
 from .conditions import Conditions
 from .photo import FacePhoto
 
@@ -28,38 +25,7 @@ CONVENTION = 0.7
 _PATCH = 0.01
 
 
-@dataclass(frozen=True)
-class Known:
-    """What is known: albedo of a patch at (x, y), pixels of the photo, or of the whole skin, by
-    Rec. 709 luminance; or illuminance, lux, of a surface that faces the light.
-    """
-
-    albedo: float | None = None
-    at: tuple[float, float] | None = None
-    lux: float | None = None
-
-
-def parse(text: str) -> Known:
-    """What `text` says; nothing for "auto". Raises SettingsError that lists what can be said."""
-    plain = "".join(text.lower().split())
-    if plain == AUTO:
-        return Known()
-    known = None
-    if found := re.fullmatch(rf"({NUMBER})lux", plain):
-        known = Known(lux=float(found[1]))
-    elif found := re.fullmatch(rf"skin=({NUMBER})", plain):
-        known = Known(float(found[1]))
-    elif found := re.fullmatch(rf"({NUMBER}),({NUMBER})=({NUMBER})", plain):
-        known = Known(float(found[3]), (float(found[1]), float(found[2])))
-    if known is None or not (known.lux or 0 < (known.albedo or 0) <= 1):
-        raise SettingsError(
-            f"exposure={text!r}: write auto, skin=ALBEDO or X,Y=ALBEDO (a pixel of the photo and "
-            "its albedo, above 0, at most 1), or the illuminance as 500lux"
-        )
-    return known
-
-
-def check_unit(known: Known, white_luminance: float | None) -> None:
+def check_unit(known: KnownExposure, white_luminance: float | None) -> None:
     """Raise SettingsError where lux are given and the photo tells no luminance."""
     if known.lux is not None and white_luminance is None:
         raise SettingsError(
@@ -84,6 +50,9 @@ def within_one(albedo: np.ndarray) -> float:
     return 1 / max(float(np.percentile(albedo.max(axis=1), 99.9)), 1e-6)
 
 
+_NOTHING = KnownExposure(AUTO)
+
+
 class AlbedoGain:
     """The gain of one photo: by what is known of it, or by convention.
 
@@ -94,11 +63,11 @@ class AlbedoGain:
 
     def __init__(
         self,
-        known: Known | None = None,
+        known: KnownExposure | None = None,
         photo: FacePhoto | None = None,
         conditions: Conditions | None = None,
     ) -> None:
-        self.known = known or Known()
+        self.known = known or _NOTHING
         if photo is None or conditions is None:
             return
         check_unit(self.known, photo.white_luminance)
@@ -134,7 +103,7 @@ class AlbedoGain:
         There the best-lit skin has E = 1 before the light's colour. inside: (S, S) bool, where
         there are maps.
         """
-        if self.known == Known():
+        if self.known == _NOTHING:
             return min(CONVENTION, within_one(albedo[inside]))
         full = float(luminance(self._conditions.light_color))
         gain = self._of(albedo, full, inside)
@@ -143,7 +112,7 @@ class AlbedoGain:
 
     def of_result(self, albedo: np.ndarray, e: np.ndarray, inside: np.ndarray) -> float:
         """The result's gain; e: (S, S, 3) its exact diffuse shading under white light."""
-        if self.known == Known():
+        if self.known == _NOTHING:
             return self.during_stages(albedo, inside)
         full = full_light(e[inside] * self._conditions.light_color)
         return self._of(albedo, full, inside)

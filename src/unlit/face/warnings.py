@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from ..color import UNCLIPPED, encode_srgb
-from ..conditions import illuminant
 from .conditions import LightEstimate
 from .reconstruction import Reconstruction
 
@@ -126,7 +125,7 @@ def _misfit(residual: float | None) -> str:
 
 
 def _card(r: Reconstruction) -> str:
-    card = illuminant.parse(r.settings.light_color).card
+    card = r.settings.light_color.card
     if card is None:
         return ""
     column, row = np.floor(r.photo.crop.points(card)).astype(int)

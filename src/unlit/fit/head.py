@@ -17,10 +17,17 @@ from .shading import photometric_fit
 def fit_head(photo: FacePhoto, model: HeadModel, settings: Settings) -> FittedHead:
     """`model` fitted to the photo (paper, section 2.1). Raises FaceError."""
     closed = bool(photo.regions.mouth.max() < 0.5)
-    problem = LandmarkProblem(model, photo.landmarks, photo.camera, image=photo.image)
+    problem = LandmarkProblem(
+        model, photo.landmarks, photo.camera, settings.landmark_fit, image=photo.image
+    )
     with threadpool_limits(1, user_api="blas"):
         fit = photometric_fit(
-            problem, problem.solve(closed), photo.image, photo.regions, mouth_closed=closed
+            problem,
+            problem.solve(closed),
+            photo.image,
+            photo.regions,
+            settings.shading_fit,
+            mouth_closed=closed,
         )
     return FittedHead(
         PosedMesh(fit.vertices, model.triangles, model.uv, model.triangle_uv),

@@ -27,9 +27,10 @@ from ..machine.runtime import mitsuba
 from ..perception.regions import Regions
 from ..render.transport import Directions, Points, linearize, transport_rows, visibility
 from ..scene.arrays import device
-from ..scene.brdf import ROUGHNESS
 from ..scene.cells import grid_cells
 from ..scene.mesh import Hits, Mesh, surface, surface_weights
+from ..settings.fit import ShadingFit
+from ..settings.settings import ROUGHNESS
 from .landmarks import HeadFit, LandmarkProblem, State, bounded_solve
 from .shape_jacobian import ShapeJacobian
 
@@ -43,54 +44,6 @@ _GREY = np.array([0.35, 0.45, 0.2], dtype=np.float32)
 _ALBEDO = 0.4
 _SPECULAR = 0.7
 _BRIGHTEST = 0.97
-
-
-@dataclass(frozen=True)
-class PhotometricSettings:
-    """How far shading is trusted. Distances are pixels of a 512 x 512 crop.
-
-    samples: pixels used. independent: measurements that they are worth together.
-    deviation: standard deviation of an encoded value (gamma 2.2); huber: residuals beyond this
-        count linearly.
-    blur: standard deviation of the Gaussian that the photo is blurred with.
-    margin: distance kept from brows, eyes, mouth and the mask's edge.
-    facing: least cosine between normal and viewer.
-    spacing: of the albedo grid; albedo_deviation: of the log albedo at each of its points.
-    colour_deviation: of log albedo's slope over log chromaticity.
-    cells: rows of the light's starting grid, with twice as many columns; a cell is cut in four
-        while it holds more than split of the flux and is higher than finest degrees.
-    evenness: weight of the pull towards an even light.
-    identity_weight: factor on the identity's prior precision.
-    turns: shares of the landmarks' yaw to start from, too, where less than `least_lit` of the
-        landmarks' weight is in the light: with half of the face in shadow the landmarker sees too
-        much yaw.
-    light_steps: with the mesh of a start; joint_steps: of everything.
-    damping: Levenberg's, relative to the diagonal.
-    directed: so large has to be the mean direction of the light (0: even, 1: one lamp), or the
-        landmarks' mesh is kept: under even light nearly all shading is the albedo's.
-    """
-
-    samples: int = 800
-    independent: float = 150.0
-    deviation: float = 0.03
-    huber: float = 0.06
-    blur: float = 1.5
-    margin: float = 6.0
-    facing: float = 0.25
-    spacing: float = 64.0
-    albedo_deviation: float = 0.1
-    colour_deviation: float = 0.1
-    cells: int = 12
-    split: float = 0.02
-    finest: float = 4.0
-    evenness: float = 0.002
-    identity_weight: float = 6.0
-    turns: tuple[float, ...] = (0.6, 0.3)
-    least_lit: float = 0.8
-    light_steps: int = 6
-    joint_steps: int = 4
-    damping: float = 0.05
-    directed: float = 0.2
 
 
 @dataclass(frozen=True)
@@ -125,7 +78,7 @@ def photometric_fit(
     fit: HeadFit,
     image: np.ndarray,
     regions: Regions,
-    settings: PhotometricSettings | None = None,
+    settings: ShadingFit | None = None,
     mouth_closed: bool = False,
 ) -> HeadFit:
     """`fit` improved by the shading of `image`, or `fit` itself where shading says too little.
@@ -133,9 +86,7 @@ def photometric_fit(
     problem: of the landmarks that `fit` was found from. image: (S, S, 3) linear sRGB, seen by the
     problem's camera. mouth_closed: as for `LandmarkProblem.solve`.
     """
-    return _Photometric(problem, image, regions, settings or PhotometricSettings()).run(
-        fit, mouth_closed
-    )
+    return _Photometric(problem, image, regions, settings or ShadingFit()).run(fit, mouth_closed)
 
 
 class _Photometric:
@@ -144,7 +95,7 @@ class _Photometric:
         problem: LandmarkProblem,
         image: np.ndarray,
         regions: Regions,
-        settings: PhotometricSettings,
+        settings: ShadingFit,
     ) -> None:
         self.problem, self.settings = problem, settings
         self.model, self.camera = problem.model, problem.camera

@@ -20,7 +20,8 @@ from ..errors import OutputError
 from ..machine.runtime import mitsuba
 from ..scene.arrays import device
 from ..scene.cells import Cells
-from ..settings.settings import TABLE_1, Settings, as_dict
+from ..settings.settings import Settings, as_dict, flat
+from ..settings.table1 import TABLE_1
 from ..storage.arrays import Kind, check_indices, read_checked
 from ..storage.folder import write_one
 from ..storage.keys import RECONSTRUCTION, code, key
@@ -77,7 +78,7 @@ class Checkpoint:
         Raises OutputError of one line when the file is of another run.
         """
         runtime = f"{mi.variant()} {mi.__version__}"
-        values = _flat(as_dict(settings)) | choices
+        values = flat(as_dict(settings)) | choices
         self._identity = {
             "unlit": [version("unlit"), key(code(RECONSTRUCTION), runtime)],
             "photo": list(photo),
@@ -200,12 +201,3 @@ def _difference(kept: dict[str, Any], now: dict[str, Any]) -> str:
     names = [name for name in sorted(was | new) if was.get(name) != new.get(name)]
     shown = ", ".join(f"{name} {was.get(name)}, not {new.get(name)}" for name in names[:3])
     return f"other settings ({shown}{' and more' if len(names) > 3 else ''})"
-
-
-def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested settings by their dotted names."""
-    flat: dict[str, Any] = {}
-    for name, value in values.items():
-        inner = isinstance(value, dict)
-        flat |= _flat(value, f"{prefix}{name}.") if inner else {f"{prefix}{name}": value}
-    return flat

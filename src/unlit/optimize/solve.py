@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from ..errors import FaceError
 from ..face.conditions import Conditions
-from ..face.gain import AlbedoGain, parse
+from ..face.gain import AlbedoGain
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
 from ..settings.settings import Settings
@@ -59,7 +59,7 @@ def solve(
     preview: called with ("fit", the start) and after every stage. Raises FaceError, and
     SettingsError where the patch of a known albedo is not on the face.
     """
-    gain = AlbedoGain(parse(settings.exposure), photo, conditions)
+    gain = AlbedoGain(settings.exposure, photo, conditions)
     try:
         problem = Problem(observation(photo, head, conditions), settings, gain, run)
     except ValueError as error:

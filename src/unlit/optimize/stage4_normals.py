@@ -9,7 +9,8 @@ import drjit as dr
 from ..render.transport import linearize
 from ..scene.lobes import CellRadiance
 from ..scene.maps import DIFFUSE_BLUR
-from ..settings.settings import Settings, Stage
+from ..settings.settings import Settings
+from ..settings.table1 import Stage
 from .blur import Blur
 from .estimate import Estimate
 from .losses import normal_l2

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..machine.runtime import mitsuba
 from ..scene.lobes import CellRadiance
-from ..settings.settings import Settings, Stage
+from ..settings.settings import Settings
+from ..settings.table1 import Stage
 from .estimate import Estimate
 from .losses import encode, gloss_l1, image_l1, total_variation
 from .optimizer import Adam

@@ -28,6 +28,7 @@ from ..optimize.solve import Solution
 from ..scene.arrays import device
 from ..scene.lobes import CellRadiance
 from ..scene.maps import Maps
+from ..settings.conditions import CastShadow
 
 resource: Any = None
 with contextlib.suppress(ImportError):  # Unix only
@@ -47,7 +48,8 @@ def assemble(
         shading = copy.copy(solution.shading)  # what the stages go on with is left as it is
         shading.points = problem.points(normals["diffuse"], normals["specular"])
         gain, estimate, e, s = _with_final_gain(problem, shading, estimate)
-        images = _images(photo, conditions, problem.maps(estimate), e, s)
+        how = problem.settings.cast_shadow
+        images = _images(photo, conditions, how, problem.maps(estimate), e, s)
     mask = np.where(problem.inside, photo.regions.face, 0).astype(np.float32)
     result = Reconstruction(
         photo,
@@ -115,13 +117,18 @@ def _shade(
 
 
 def _images(
-    photo: FacePhoto, conditions: Conditions, maps: Maps, e: np.ndarray, s: np.ndarray
+    photo: FacePhoto,
+    conditions: Conditions,
+    how: CastShadow,
+    maps: Maps,
+    e: np.ndarray,
+    s: np.ndarray,
 ) -> Images:
     """In the light's colour, with the shadow of something else."""
     e, s = e * conditions.light_color, s * conditions.light_color
     render = maps.diffuse_albedo * e + maps.specular_albedo[..., None] * s
     if conditions.visibility is not None:
-        left = attenuation(photo.image, render, conditions.visibility)
+        left = attenuation(photo.image, render, conditions.visibility, how)
         e, s, render = e * left, s * left, render * left
     return Images(e, s, render)
 

@@ -17,7 +17,7 @@ import numpy as np
 from ..conditions import illuminant
 from ..conditions.estimate import estimate_conditions
 from ..face.conditions import Conditions
-from ..face.gain import AlbedoGain, parse
+from ..face.gain import AlbedoGain
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
 from ..face.reconstruction import Reconstruction
@@ -144,7 +144,7 @@ def _as_photo(photo: str | Path | Photo | np.ndarray) -> Photo:
 
 def _check_known(seen: FacePhoto, photo: Photo, settings: Settings) -> None:
     """Raise SettingsError, before the long work, for what the photo cannot tell as it was told."""
-    card = illuminant.parse(settings.light_color).card
+    card = settings.light_color.card
     if card is not None:
         illuminant.of_card(photo, card)
-    AlbedoGain(parse(settings.exposure), seen, Conditions()).patch(seen.regions.face > 0.5)
+    AlbedoGain(settings.exposure, seen, Conditions()).patch(seen.regions.face > 0.5)

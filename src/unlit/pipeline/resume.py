@@ -13,26 +13,28 @@ from ..optimize.estimate import Estimate
 from ..optimize.problem import Problem, Progress
 from ..optimize.run_record import RunRecord
 from ..optimize.stages import Begin
-from ..settings.settings import TABLE_1, Settings
+from ..settings.settings import Settings, as_dict, flat
+from ..settings.table1 import TABLE_1
 from .chain import Preview, Steps, run_chain
 
 #: Darker maps, and lobes, are raised to this, as their logarithms are what is optimised.
 _LEAST = 1e-3
 _LEAST_LIGHT = 1e-8
 #: Settings of the steps before the stages, which are not done again.
-_KEPT = ("resolution", "light_color", "cast_shadows", "head_model")
+_KEPT = ("resolution", "head_model", "landmark_fit", "shading_fit", "light_color")
+_KEPT += ("light_color_estimate", "cast_shadow", "first_stage_iterations")
 
 
 def check_resumable(result: Reconstruction, stage: int, settings: Settings) -> None:
     """Raise SettingsError for a stage or settings with which `result` cannot be continued."""
     if not 1 <= stage <= len(TABLE_1):
         raise SettingsError(f"stage {stage}: choose 1 to {len(TABLE_1)}")
-    for name in _KEPT:
-        wanted, saved = getattr(settings, name), getattr(result.settings, name)
-        if wanted != saved:
+    saved = flat(as_dict(result.settings))
+    for name, wanted in flat(as_dict(settings)).items():
+        if name.partition(".")[0] in _KEPT and wanted != saved[name]:
             raise SettingsError(
-                f"{name}={wanted}: the saved result keeps its own, {saved}; reconstruct the photo "
-                "again to change it"
+                f"{name}={wanted}: the saved result keeps its own, {saved[name]}; reconstruct the "
+                "photo again to change it"
             )
 
 

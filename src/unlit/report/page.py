@@ -13,12 +13,13 @@ from string import Template
 import tomli_w
 
 from ..color import is_white
-from ..conditions.illuminant import AUTO, temperature
+from ..conditions.illuminant import temperature
 from ..evaluate.psnr import psnr
 from ..face.gain import full_light
 from ..face.reconstruction import Reconstruction
 from ..output.atlas import Atlas, bake
 from ..output.load import load
+from ..settings.conditions import AUTO
 from ..settings.settings import as_dict
 from ..storage.folder import REPORT, write_one
 from . import figures
@@ -135,7 +136,7 @@ def _light_color(r: Reconstruction) -> str:
 
 def _gain(r: Reconstruction) -> str:
     """What the picture cannot tell, and what was done about it."""
-    known = r.settings.exposure
+    known = r.settings.exposure.text
     how = f"set by {known}"
     if known == AUTO:
         how = f"by convention, a white card in full light would be {1 / r.gain:.1f} times as "

@@ -25,10 +25,6 @@ from .arrays import at_least
 #: Index of refraction of skin (paper, section 2.2); normal-incidence Fresnel value 0.0255.
 IOR = 1.38
 
-#: Beckmann roughness alpha (root-mean-square slope, Weyrich's m) by region. Ours: the paper
-#: follows Weyrich et al. 2006, whose face average is 0.3, without printing its table.
-ROUGHNESS = {"skin": 0.30, "lips": 0.25, "eyes": 0.15, "eyebrows": 0.35}
-
 
 def fresnel(cosine: Any, ior: float = IOR) -> Any:
     """Unpolarised Fresnel reflectance of a dielectric seen from outside, `cosine` in [0, 1]."""

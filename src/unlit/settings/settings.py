@@ -1,4 +1,4 @@
-"""The schedule (paper, Table 1) and every choice the paper leaves open, as typed settings.
+"""Every choice that decides a reconstruction besides the photo, as typed settings with ranges.
 
 Two presets, `paper` and `draft`, are instances of one dataclass. Any field can be overridden by
 its dotted name, e.g. `stage2.iterations=500` or `refresh_interval=10`.
@@ -6,49 +6,29 @@ its dotted name, e.g. `stage2.iterations=500` or `refresh_interval=10`.
 
 from __future__ import annotations
 
-import dataclasses
-import math
-from dataclasses import dataclass, replace
-from typing import Any, get_type_hints
+import difflib
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import partial
+from typing import Annotated, Any, TypeVar, get_type_hints
 
-from ..conditions import illuminant
+from msgspec import Meta, ValidationError
+
 from ..errors import SettingsError
-from ..face import gain as exposure
-from ..scene.brdf import ROUGHNESS
+from .conditions import AUTO, CastShadow, KnownExposure, LightColorEstimate, LightColorRequest
+from .fit import LandmarkFit, ShadingFit
+from .ranges import Count, Positive, Share, Weight, converted, expected
+from .table1 import TABLE_1, Stage
 
+Group = TypeVar("Group")
+Roughness = Annotated[float, Meta(ge=0.02, le=1)]
+Sharpness = Annotated[float, Meta(ge=1e-3, le=1e5)]
 
-@dataclass(frozen=True)
-class Stage:
-    """One column of Table 1: iterations, loss weights, learning rates."""
+#: Beckmann roughness alpha (root-mean-square slope, Weyrich's m) by region. Ours: the paper
+#: follows Weyrich et al. 2006, whose face average is 0.3, without printing its table.
+ROUGHNESS = {"skin": 0.30, "lips": 0.25, "eyes": 0.15, "eyebrows": 0.35}
 
-    iterations: int
-    image: float = 1.0
-    specular_smoothness: float = 0.0
-    diffuse_smoothness: float = 0.0
-    landmark: float = 0.0
-    shape: float = 0.0
-    normal: float = 0.0
-    axis_rate: float = 0.0
-    sharpness_rate: float = 0.0
-    amplitude_rate: float = 0.0
-    rate: float = 0.05
-
-
-# fmt: off
-#: Table 1 of the paper. A weight that does not apply to a stage is 0.
-TABLE_1 = {
-    #                        N     image spec  diff  landm shape normal  xi     lambda mu
-    "stage1": Stage(         2000, 1.0,  0.0,  0.0,  0.0,  0.0,  0.0,    0.01,  0.05,  0.05),
-    "stage2": Stage(         2000, 1.0, 10.0,  1.0,  0.0,  0.0,  0.0,    0.01,  0.05,  0.05),
-    "stage3": Stage(          750, 1.0, 10.0,  1.0,  1.0, 50.0,  0.0,    0.005, 0.01,  0.01),
-    "stage4": Stage(          500, 1.0, 10.0,  1.0,  1.0, 50.0,  0.1,    0.0,   0.0,   0.0),
-    "stage5": Stage(          100, 1.0,  1.0,  0.1,  1.0, 50.0,  0.1,    0.0,   0.0,   0.0),
-}
-# fmt: on
-
-
-#: Values of the setting `cast_shadows`.
-CAST_SHADOWS = ("auto", "keep")
+#: Kept as the text that the user wrote.
+_REQUESTS = (LightColorRequest, KnownExposure)
 
 
 @dataclass(frozen=True)
@@ -56,7 +36,8 @@ class Settings:
     """Everything that decides a reconstruction besides the photo.
 
     The first five fields are Table 1; the others are readings of what the paper leaves open;
-    docs/method.md tells which were measured and how.
+    docs/method.md tells which were measured and how. `override` holds every value to its range;
+    the constructor and `dataclasses.replace` trust their caller.
     """
 
     stage1: Stage = TABLE_1["stage1"]
@@ -65,91 +46,99 @@ class Settings:
     stage4: Stage = TABLE_1["stage4"]
     stage5: Stage = TABLE_1["stage5"]
 
-    #: Side of the square crop, pixels (256 to 2048).
-    resolution: int = 512
-    #: Kept with the result; nothing is drawn at random so far, so it changes nothing.
-    seed: int = 0
+    #: Side of the square crop, pixels.
+    resolution: Annotated[int, Meta(ge=256, le=2048)] = 512
 
     #: Head model that is fitted: makehuman, one that was added, or an .npz file (head/library.py).
     head_model: str = "makehuman"
-    #: Colour of the light: white, auto, 2700K, a grey card's pixel X,Y, R,G,B or #rrggbb
-    #: (illuminant.py).
-    light_color: str = "white"
-    #: What fixes the gain between albedo and light: auto (a convention), skin=ALBEDO, X,Y=ALBEDO,
-    #: or 500lux (exposure.py).
-    exposure: str = "auto"
-    #: What to do with skin in the shadow of something else (optimize/cast_shadow.py): auto, fill
-    #: its maps in from around; keep, take the photo as it is.
-    cast_shadows: str = "auto"
+    landmark_fit: LandmarkFit = field(default_factory=LandmarkFit)
+    shading_fit: ShadingFit = field(default_factory=ShadingFit)
 
-    #: Share of each stage at the full learning rates (in the paper they are constant), below 1, and
-    #: share of them that is left at the stage's end, reached on a cosine curve.
-    rate_hold: float = 0.5
-    rate_floor: float = 0.02
+    #: Colour of the light: white, auto, 2700K, a grey card's pixel X,Y, R,G,B or #rrggbb.
+    light_color: LightColorRequest = field(default_factory=partial(LightColorRequest, "white"))
+    light_color_estimate: LightColorEstimate = field(default_factory=LightColorEstimate)
+    #: What fixes the gain between albedo and light: auto (a convention), skin=ALBEDO, X,Y=ALBEDO,
+    #: or 500lux (face/gain.py).
+    exposure: KnownExposure = field(default_factory=partial(KnownExposure, AUTO))
+    cast_shadow: CastShadow = field(default_factory=CastShadow)
+    #: Of the short stage 1 that an estimate of the light's colour and cast shadows are seen in.
+    first_stage_iterations: Count = 100
+
+    #: Share of each stage at the full learning rates (in the paper they are constant), and share of
+    #: them that is left at the stage's end, reached on a cosine curve.
+    rate_hold: Annotated[float, Meta(ge=0, lt=1)] = 0.5
+    rate_floor: Share = 0.02
     #: Every element of every gradient is clipped to [-clip, clip] (paper, section 4).
-    clip: float = 1.0
+    clip: Positive = 1.0
 
     #: Starting sharpness of the 648 lobes; 46: half the peak at the neighbour's axis.
-    start_sharpness: float = 46.0
+    start_sharpness: Sharpness = 46.0
     #: Bounds of the sharpness during the optimisation.
-    min_sharpness: float = 4.0
-    max_sharpness: float = 600.0
+    min_sharpness: Sharpness = 4.0
+    max_sharpness: Sharpness = 600.0
     #: Specular albedo of a clean skin surface, from which every region starts; before the gain of
-    #: what is saved (exposure.py).
-    nominal_specular: float = 1.0
+    #: what is saved (face/gain.py).
+    nominal_specular: Positive = 1.0
     #: Cost of gloss that departs from it, |rho_s - nominal| S: under an even light a veil of gloss
     #: can hardly be told from paler albedo. Weak, so that highlights decide where there are any.
-    specular_cost: float = 0.2
+    specular_cost: Weight = 0.2
     #: Upper bound of the specular albedo, far above any skin's: dark skin in a bright exposure has
     #: a high one, since albedo is relative to the best-lit skin.
-    max_specular: float = 20.0
+    max_specular: Positive = 20.0
     #: Upper bound of the diffuse albedo during a stage, where the best-lit skin has E = 1: no skin
     #: returns more light than falls on it, and that convention of E may be off by so much. What is
-    #: saved has another gain (exposure.py).
-    max_diffuse: float = 1.6
+    #: saved has another gain (face/gain.py).
+    max_diffuse: Positive = 1.6
     #: Error of the shading E that the model is believed to make, where full light is E = 1. The
     #: albedo maps trust a pixel by (E / (E + shading_error))^2: what is seen in the shadows says
     #: little about albedo.
-    shading_error: float = 0.2
+    shading_error: Weight = 0.2
     #: Factors on Table 1's weights of smoothness (at 512 pixels; in proportion at others) and of
     #: the normal perturbation: how the paper normalises these terms is not given.
-    diffuse_smoothness_scale: float = 6.0
-    specular_smoothness_scale: float = 2.0
-    normal_scale: float = 30.0
+    diffuse_smoothness_scale: Weight = 6.0
+    specular_smoothness_scale: Weight = 2.0
+    normal_scale: Weight = 30.0
     #: Further factor on the smoothness of stage 5, which is to bring back the finest detail.
-    detail_smoothness: float = 0.4
+    detail_smoothness: Weight = 0.4
 
     #: Pixels, evenly spread, from which the light's gradient is taken.
-    light_points: int = 4000
+    light_points: Annotated[int, Meta(ge=1, le=2048 * 2048)] = 4000
     #: Cells of the light: rows, columns of the regular grid; split further where the light is
     #: steep, up to `max_cells`, after stage 1.
-    cell_rows: int = 18
-    cell_columns: int = 36
-    max_cells: int = 1000
+    cell_rows: Annotated[int, Meta(ge=2, le=500)] = 18
+    cell_columns: Annotated[int, Meta(ge=2, le=1000)] = 36
+    max_cells: Annotated[int, Meta(ge=4, le=100_000)] = 1000
 
     #: Inter-reflections that are rendered.
-    bounces: int = 3
+    bounces: Annotated[int, Meta(ge=0, le=100)] = 3
     #: Iterations between two updates of what is held constant in between: the shading that the
     #: maps see, its linearisation in the normals, the indirect light.
-    refresh_interval: int = 50
+    refresh_interval: Count = 50
     #: Share of the light that may come from elsewhere before the highlights that inter-reflection
     #: carries are computed anew.
-    gloss_change: float = 0.1
+    gloss_change: Share = 0.1
     #: Largest vertex motion (cm) before visibility is traced anew in stage 3.
-    retrace_distance: float = 0.05
+    retrace_distance: Weight = 0.05
 
     #: Preconditioning strength of the shape's gradient (Nicolet et al. 2021).
-    shape_lambda: float = 19.0
+    shape_lambda: Weight = 19.0
     #: Factor on the vertices' rate, which then is in cm.
-    shape_rate: float = 1.0
+    shape_rate: Weight = 1.0
     #: Unit of length, cm, in which the shape's L2 distance is measured.
-    shape_unit: float = 1.0
+    shape_unit: Positive = 1.0
 
     #: Beckmann roughness by region.
-    skin_roughness: float = ROUGHNESS["skin"]
-    lips_roughness: float = ROUGHNESS["lips"]
-    eyes_roughness: float = ROUGHNESS["eyes"]
-    eyebrows_roughness: float = ROUGHNESS["eyebrows"]
+    skin_roughness: Roughness = ROUGHNESS["skin"]
+    lips_roughness: Roughness = ROUGHNESS["lips"]
+    eyes_roughness: Roughness = ROUGHNESS["eyes"]
+    eyebrows_roughness: Roughness = ROUGHNESS["eyebrows"]
+
+    def __post_init__(self) -> None:
+        if self.min_sharpness > self.max_sharpness:
+            raise SettingsError(
+                f"min_sharpness={self.min_sharpness:g}: max_sharpness is less, "
+                f"{self.max_sharpness:g}"
+            )
 
     def stages(self) -> tuple[Stage, Stage, Stage, Stage, Stage]:
         """The five stages in order."""
@@ -163,16 +152,9 @@ class Settings:
 
 def _shorter(settings: Settings, factor: float) -> Settings:
     """Stages 1 to 4 with fewer iterations; stage 5 is short already."""
-
-    def less(stage: Stage) -> Stage:
-        return replace(stage, iterations=round(stage.iterations * factor))
-
+    four = zip(TABLE_1, settings.stages()[:4], strict=False)
     return replace(
-        settings,
-        stage1=less(settings.stage1),
-        stage2=less(settings.stage2),
-        stage3=less(settings.stage3),
-        stage4=less(settings.stage4),
+        settings, **{name: replace(s, iterations=round(s.iterations * factor)) for name, s in four}
     )
 
 
@@ -183,58 +165,74 @@ PRESETS = {
 
 
 def override(settings: Settings, changes: dict[str, Any]) -> Settings:
-    """Copy of `settings` with dotted names replaced; values may be text or of the right type.
+    """Copy of `settings` with some values replaced, by their dotted names or in nested tables.
 
-    Raises SettingsError that names the field when it is unknown or the value does not fit.
+    Values may be text or of the right type. Raises SettingsError that names the field when it is
+    unknown or the value does not fit.
     """
+    return _changed(settings, changes, "")
+
+
+def _changed(group: Group, changes: dict[str, Any], prefix: str) -> Group:
+    kinds = get_type_hints(type(group), include_extras=True)
+    new: dict[str, Any] = {}
     for name, value in changes.items():
-        settings = _set(settings, name.split("."), value, name)
-    if not 256 <= settings.resolution <= 2048:
-        raise SettingsError(f"resolution={settings.resolution}: choose 256 to 2048 pixels")
-    illuminant.parse(settings.light_color)
-    exposure.parse(settings.exposure)
-    if settings.cast_shadows not in CAST_SHADOWS:
-        raise SettingsError(
-            f"cast_shadows={settings.cast_shadows!r}: choose {' or '.join(CAST_SHADOWS)}"
-        )
-    for name, least in (("light_points", 1), ("refresh_interval", 1), ("bounces", 0)):
-        if getattr(settings, name) < least:
-            raise SettingsError(f"{name}={getattr(settings, name)}: must be {least} or more")
-    if not 0 <= settings.rate_hold < 1:
-        raise SettingsError(f"rate_hold={settings.rate_hold}: must be at least 0 and below 1")
-    for name, stage in zip(TABLE_1, settings.stages(), strict=True):
-        if stage.iterations < 0:
-            raise SettingsError(f"{name}.iterations={stage.iterations}: must be 0 or more")
-    return settings
+        first, dot, rest = name.partition(".")
+        kind, full = kinds.get(first), prefix + name
+        if kind is None:
+            near = difflib.get_close_matches(first, kinds, 1)
+            hint = f"did you mean {prefix}{near[0]}? " if near else ""
+            raise SettingsError(f"{full}: no such setting; {hint}known here: {', '.join(kinds)}")
+        if is_dataclass(kind) and kind not in _REQUESTS:
+            inner = {rest: value} if dot else value
+            if not isinstance(inner, dict):
+                example = fields(kind)[0].name
+                raise SettingsError(f"{full}: name one of its fields, e.g. {full}.{example}")
+            new[first] = _changed(new.get(first, getattr(group, first)), inner, f"{prefix}{first}.")
+        elif dot:
+            raise SettingsError(f"{full}: {first} has no fields")
+        else:
+            new[first] = _value(full, value, kind)
+    return replace(group, **new)  # pyright: ignore[reportArgumentType]
 
 
-def _set(target: Any, path: list[str], value: Any, full: str) -> Any:
-    kinds = get_type_hints(type(target))
-    if path[0] not in kinds:
-        known = ", ".join(sorted(kinds))
-        raise SettingsError(f"{full}: no such setting; known here: {known}")
-    kind = kinds[path[0]]
-    if dataclasses.is_dataclass(kind):
-        if len(path) == 1 and not isinstance(value, dict):
-            raise SettingsError(f"{full}: name one of its fields, e.g. {full}.iterations")
-        inner = getattr(target, path[0])
-        for key, part in value.items() if len(path) == 1 else [(".".join(path[1:]), value)]:
-            inner = _set(inner, key.split("."), part, f"{path[0]}.{key}")
-        return replace(target, **{path[0]: inner})
-    if len(path) > 1:
-        raise SettingsError(f"{full}: {path[0]} has no fields")
+def _value(name: str, value: Any, kind: Any) -> Any:
+    request = kind in _REQUESTS
+    if request and isinstance(value, str | kind):
+        return kind(value) if isinstance(value, str) else value
     try:
-        if kind in (int, float) and not math.isfinite(float(value)):
-            raise ValueError
-        if kind is int and float(value) != int(float(value)):
-            raise ValueError
-        return replace(
-            target, **{path[0]: kind(float(value)) if kind in (int, float) else kind(value)}
-        )
-    except (TypeError, ValueError, OverflowError):
-        raise SettingsError(f"{full}={value!r}: expected {kind.__name__}") from None
+        if not request:
+            return converted(value, kind)
+    except ValidationError:
+        pass
+    said = "text" if request else expected(kind)
+    raise SettingsError(f"{name}={_shown(value)}: expected {said}")
 
 
-def as_dict(settings: Settings) -> dict[str, Any]:
-    """Nested plain values, for the log and the saved reconstruction."""
-    return dataclasses.asdict(settings)
+def _shown(value: Any) -> str:
+    try:
+        return repr(value)
+    except ValueError:  # Python writes no numbers of thousands of digits
+        return "a long number"
+
+
+def as_dict(settings: Any) -> dict[str, Any]:
+    """Nested plain values, for the log and the saved reconstruction; `override` reads them."""
+    return {f.name: _plain(getattr(settings, f.name)) for f in fields(settings)}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, _REQUESTS):
+        return value.text
+    if is_dataclass(value):
+        return as_dict(value)
+    return list(value) if isinstance(value, tuple) else value
+
+
+def flat(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested plain settings by their dotted names."""
+    found: dict[str, Any] = {}
+    for name, value in settings.items():
+        inner = isinstance(value, dict)
+        found |= flat(value, f"{prefix}{name}.") if inner else {f"{prefix}{name}": value}
+    return found

@@ -95,11 +95,6 @@ def test_every_help_teaches_by_example(capsys, command):
     assert f"unlit {command}" in out.split("example")[1]
 
 
-def test_presets_are_those_of_the_schedule():
-    """They are repeated in cli.py only so that the help need not import the renderer."""
-    assert tuple(schedule.PRESETS) == settings.PRESETS
-
-
 def test_version(capsys):
     """As in the package's metadata."""
     assert run(capsys, "--version")[:2] == (0, f"unlit {unlit.__version__}\n")
@@ -122,17 +117,17 @@ def test_wrong_usage_is_2(capsys, arguments):
 
 
 def test_settings_in_order_of_precedence(photo, pipeline, tmp_path, capsys, monkeypatch):
-    """Preset, then --config, then --resolution and --seed, then --set."""
+    """Preset, then --config, then --resolution, then --set."""
     monkeypatch.setattr("unlit.output.save", lambda *_: None)
     pipeline.run = lambda options: types.SimpleNamespace(metrics={})
     config = tmp_path / "c.toml"
-    config.write_text("resolution = 300\nseed = 5\nclip = 2.0\n[stage2]\niterations = 7\n")
+    config.write_text("resolution = 300\nbounces = 1\nclip = 2.0\n[stage2]\niterations = 7\n")
     arguments = ("--preset", "draft", "--config", str(config), "--resolution", "400")
     arguments += ("--set", "clip=3", "--set", "stage2.rate=0.5", "--face", "1")
     assert run(capsys, "reconstruct", str(photo), "-o", str(tmp_path / "out"), *arguments)[0] == 0
     _, options = pipeline.calls[0]
     settings = options["settings"]
-    assert (settings.resolution, settings.seed, settings.clip) == (400, 5, 3.0)
+    assert (settings.resolution, settings.bounces, settings.clip) == (400, 1, 3.0)
     assert (settings.stage2.iterations, settings.stage2.rate) == (7, 0.5)
     assert settings.stage1 == schedule.PRESETS["draft"].stage1
     assert options["face"] == 1
@@ -141,9 +136,9 @@ def test_settings_in_order_of_precedence(photo, pipeline, tmp_path, capsys, monk
 def test_config_may_be_an_older_result(photo, tmp_path):
     """`--config DIR/reconstruction.toml` repeats a run."""
     path = tmp_path / "reconstruction.toml"
-    path.write_text('photo = "x"\n[settings]\nseed = 9\n')
+    path.write_text('photo = "x"\n[settings]\nbounces = 1\n')
     options = cli._parser().parse_args(["reconstruct", "a", "-o", "b", "--config", str(path)])
-    assert settings.settings_of(options).seed == 9
+    assert settings.settings_of(options).bounces == 1
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ from unlit.conditions.first_stage import FirstLook
 from unlit.optimize.problem import Evidence
 from unlit.pipeline import chain as pipeline
 from unlit.scene.camera import Camera
+from unlit.settings.conditions import CastShadow
 from unlit.settings.settings import PRESETS
 
 SIZE = 256
@@ -35,7 +37,8 @@ def found(dark: np.ndarray, factor: float = 0.4, light: float = 0.8) -> np.ndarr
     image = render * np.where(dark, factor, 1)[..., None] * np.where(BROWS, 0.3, 1)[..., None]
     image = image * (1 + 0.05 * RNG.standard_normal(image.shape))
     look = FirstLook(np.full((SIZE, SIZE), light), np.zeros((SIZE, SIZE)), render, FACE)
-    return shadowed(SimpleNamespace(image=image, regions=regions), look, ABOVE)  # type: ignore[arg-type]
+    photo: Any = SimpleNamespace(image=image, regions=regions)
+    return shadowed(photo, look, ABOVE, CastShadow())
 
 
 def agreement(a: np.ndarray, b: np.ndarray) -> float:
@@ -82,8 +85,8 @@ def test_skin_that_the_photo_clips_is_no_shadow() -> None:
     look = FirstLook(
         np.ones_like(render[..., 0]), 0 * render[..., 0], render * FACE[..., None], FACE
     )
-    photo = SimpleNamespace(image=np.minimum(look.render, 1), regions=regions)
-    assert not shadowed(photo, look, ABOVE).any()  # type: ignore[arg-type]
+    photo: Any = SimpleNamespace(image=np.minimum(look.render, 1), regions=regions)
+    assert not shadowed(photo, look, ABOVE, CastShadow()).any()
 
 
 @pytest.mark.parametrize("scale", [1, 2])
@@ -131,7 +134,8 @@ def test_above_is_towards_the_hairline(monkeypatch) -> None:
     assert found.lit is None
     columns = np.indices((size, size))[1] + 0.5
     np.testing.assert_array_equal(asked[0], columns < 0.6 * size)
-    pipeline.without_cast_shadow(seen, tiny_run.head(), tiny_run.settings(cast_shadows="keep"))
+    keep = tiny_run.settings(**{"cast_shadow.mode": "keep"})
+    pipeline.without_cast_shadow(seen, tiny_run.head(), keep)
     assert len(asked) == 1
 
 
@@ -142,7 +146,7 @@ def test_the_shading_has_the_shadow() -> None:
     left = np.array([0.5, 0.4, 0.3])
     image = render * np.where(lit[..., None] == 0, left, 1.5)
     image = image * (1 + 0.2 * (-1.0) ** (X + Y))[..., None]
-    found = attenuation(image, render, lit)
+    found = attenuation(image, render, lit, CastShadow())
     core = FACE & (Y < 70) & (abs(X - 128) < 30)
     np.testing.assert_allclose(found[core], np.broadcast_to(left, found[core].shape), rtol=0.06)
     np.testing.assert_array_equal(found[lit == 1], 1)

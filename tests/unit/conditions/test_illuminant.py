@@ -6,15 +6,15 @@ import pytest
 from unlit.color import decode_srgb
 from unlit.conditions.illuminant import (
     WHITE,
-    Request,
     fitting,
     of_card,
     of_temperature,
-    parse,
     temperature,
+    told,
 )
 from unlit.errors import SettingsError
 from unlit.photo.photo import Photo
+from unlit.settings.conditions import LightColorRequest
 
 SRGB_TO_XYZ = np.array(
     [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
@@ -48,29 +48,18 @@ def test_a_temperature_is_found_again(kelvin):
     assert temperature(of_temperature(kelvin)) == pytest.approx(kelvin, rel=0.02)
 
 
-def test_what_can_be_said():
-    assert parse("white").color is WHITE
-    assert parse("auto") == Request()
-    assert parse(" 1200, 340.5 ").card == (1200, 340.5)
+def test_what_is_told():
+    assert told(LightColorRequest("auto")) is None
+    assert told(LightColorRequest("12,30")) is None
     for text, color in {
+        "white": WHITE,
         "2,1,0.5": (1, 0.5, 0.25),
         "#ffb46b": decode_srgb([1, 180 / 255, 107 / 255]),
         "2700K": of_temperature(2700),
     }.items():
-        found = parse(text).color
-        assert found is not None
-        np.testing.assert_allclose(found, color)
-
-
-@pytest.mark.parametrize(
-    "text", ["", "warm", "270K", "1e9K", "1,2,3,4", "1,0,1", "1,nan,1", "#12", "-1,5", "0,0,0"]
-)
-def test_what_cannot_be_said_is_one_line(text):
-    with pytest.raises(SettingsError) as caught:
-        parse(text)
-    message = str(caught.value)
-    assert message.startswith("light_color")
-    assert "\n" not in message
+        found = told(LightColorRequest(text))
+        assert found is not None and found.dtype == np.float32
+        np.testing.assert_array_equal(found, np.float32(color))
 
 
 def test_no_good_value_of_the_face_becomes_saturated():

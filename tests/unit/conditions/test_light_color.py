@@ -8,8 +8,10 @@ from scipy import ndimage
 
 from unlit.conditions.illuminant import of_temperature, temperature
 from unlit.conditions.light_color import Slopes, most_likely, slopes
+from unlit.settings.conditions import LightColorEstimate
 
 SIZE = 256
+HOW = LightColorEstimate()
 ALBEDO = np.array([0.5, 0.32, 0.24])
 
 
@@ -40,18 +42,18 @@ def scene(color, seed=0, gloss=1.0, albedo=ALBEDO):
 def test_the_light_is_found(kelvin, seed):
     """Within 20 mired, whatever the strength of the lamp."""
     image, e, s, disc = scene(0.7 * of_temperature(kelvin), seed)
-    found = slopes(image, e, s, disc)
+    found = slopes(image, e, s, disc, HOW)
     assert found is not None
-    mired, deviation, _ = most_likely(found)
+    mired, deviation, _ = most_likely(found, HOW)
     assert mired == pytest.approx(1e6 / kelvin, abs=20)
     assert deviation < 20
 
 
 def test_another_skin():
     image, e, s, disc = scene(of_temperature(3200), albedo=np.array([0.2, 0.35, 0.1]))
-    found = slopes(image, e, s, disc)
+    found = slopes(image, e, s, disc, HOW)
     assert found is not None
-    assert most_likely(found)[0] == pytest.approx(1e6 / 3200, abs=20)
+    assert most_likely(found, HOW)[0] == pytest.approx(1e6 / 3200, abs=20)
 
 
 def test_errors_of_the_diffuse_shading_cancel():
@@ -59,22 +61,22 @@ def test_errors_of_the_diffuse_shading_cancel():
     image, e, s, disc = scene(of_temperature(2700))
     x = np.linspace(0, 1, SIZE)
     wrong = 1 + 0.3 * np.sin(9 * x)[:, None] * np.cos(11 * x)
-    found = slopes(image * wrong[..., None], e, s, disc)
+    found = slopes(image * wrong[..., None], e, s, disc, HOW)
     assert found is not None
-    assert most_likely(found)[0] == pytest.approx(1e6 / 2700, abs=25)
+    assert most_likely(found, HOW)[0] == pytest.approx(1e6 / 2700, abs=25)
 
 
 def test_without_gloss_nothing_is_told():
     """Reddish skin under white light, or the reverse: nobody knows, so nothing is claimed."""
     image, e, s, disc = scene(of_temperature(2700), gloss=0.0)
-    found = slopes(image, e, s, disc)
+    found = slopes(image, e, s, disc, HOW)
     assert found is not None
-    assert most_likely(found)[2] < 6
+    assert most_likely(found, HOW)[2] < 6
 
 
 def test_too_little_skin():
     image, e, s, disc = scene(np.ones(3))
-    assert slopes(image, e, s, disc & (np.arange(SIZE) < 12)) is None
+    assert slopes(image, e, s, disc & (np.arange(SIZE) < 12), HOW) is None
 
 
 def test_the_deviation_counts():
@@ -83,7 +85,7 @@ def test_the_deviation_counts():
     share = lamp / (lamp * ALBEDO)
     value = share[[0, 2]] - share[1]
     sure = Slopes(value, 0.01 * np.eye(2), lamp * ALBEDO)
-    mired, _, excess = most_likely(sure)
+    mired, _, excess = most_likely(sure, HOW)
     assert mired == pytest.approx(250, abs=3)
-    assert excess > most_likely(replace(sure, covariance=np.eye(2)))[2]
+    assert excess > most_likely(replace(sure, covariance=np.eye(2)), HOW)[2]
     assert temperature(lamp) == pytest.approx(4000, rel=0.01)

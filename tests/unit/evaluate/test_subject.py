@@ -5,9 +5,9 @@ import pytest
 
 from bumpy_head import bumpy_head, camera, view
 from unlit.evaluate.subject import SKINS, Features, Subject, paint, visible_surface
-from unlit.scene.brdf import ROUGHNESS
 from unlit.scene.light import flash, uniform
 from unlit.scene.maps import Maps
+from unlit.settings.settings import ROUGHNESS
 
 SIZE = 64
 

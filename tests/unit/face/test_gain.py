@@ -6,34 +6,18 @@ from PIL import Image
 
 from unlit.errors import SettingsError
 from unlit.face.gain import (
-    Known,
     check_unit,
     conventional_gain,
     full_light,
     gain,
-    parse,
     patch,
     within_one,
 )
 from unlit.photo.crop import Crop
 from unlit.photo.photo import unit_from_exif
+from unlit.settings.conditions import KnownExposure
 
 _TIME, _F_NUMBER, _SPEED = 0x829A, 0x829D, 0x8827
-
-
-def test_what_can_be_said():
-    assert parse("auto") == Known()
-    assert parse("skin=0.35") == Known(0.35)
-    assert parse(" 812, 640.5 = 0.2 ") == Known(0.2, (812, 640.5))
-    assert parse("500 lux") == Known(lux=500)
-
-
-@pytest.mark.parametrize("text", ["", "0.35", "skin=0", "skin=1.5", "0lux", "1,2=", "face=0.3"])
-def test_what_cannot_be_said_is_one_line(text):
-    with pytest.raises(SettingsError) as caught:
-        parse(text)
-    assert str(caught.value).startswith("exposure")
-    assert "\n" not in str(caught.value)
 
 
 def test_a_patch_is_where_the_photo_has_it():
@@ -41,23 +25,23 @@ def test_a_patch_is_where_the_photo_has_it():
     crop = Crop(np.array([[2.0, 0, -20], [0, 2.0, -40]]), 200)
     inside = np.zeros((200, 200), dtype=bool)
     inside[:100] = True
-    rows, columns = np.nonzero(patch(Known(0.3, (40, 50)), crop, inside, inside))
+    rows, columns = np.nonzero(patch(KnownExposure("40,50=0.3"), crop, inside, inside))
     assert (rows.mean() + 0.5, columns.mean() + 0.5) == pytest.approx((60, 60))
     assert len(rows) < 20
     with pytest.raises(SettingsError, match="40,90"):
-        patch(Known(0.3, (40, 90)), crop, inside, inside)
+        patch(KnownExposure("40,90=0.3"), crop, inside, inside)
 
 
 def test_the_gains():
     """A grey patch of 0.2 that is known to be 0.4; a card of 500 lux under a photo of 1,000."""
     grey = np.full((5, 3), 0.2, np.float32)
-    assert gain(Known(0.4), grey, 1.0, None) == pytest.approx(2)
+    assert gain(KnownExposure("skin=0.4"), grey, 1.0, None) == pytest.approx(2)
     # 1,000 lux give a white Lambertian card 1,000 / pi cd/m^2.
-    assert gain(Known(lux=500), grey, 0.5, 2000 / np.pi) == pytest.approx(2)
+    assert gain(KnownExposure("500lux"), grey, 0.5, 2000 / np.pi) == pytest.approx(2)
     with pytest.raises(ValueError, match="neither"):
-        gain(Known(lux=500), grey, 0.5, None)
+        gain(KnownExposure("500lux"), grey, 0.5, None)
     with pytest.raises(SettingsError, match="500lux"):
-        check_unit(Known(lux=500), None)
+        check_unit(KnownExposure("500lux"), None)
 
 
 def test_full_light_is_the_luminance_of_the_best_lit():

@@ -7,13 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from unlit.errors import FaceError
-from unlit.fit.landmarks import FitSettings, LandmarkProblem, State
+from unlit.fit.landmarks import LandmarkProblem, State
 from unlit.head.eyelids import eyeballs, lids_outside_eyes
 from unlit.head.landmark_error import NO_ERROR, shipped_error
 from unlit.head.lips import LOWER_RIM, UPPER_RIM, opening, seal_lips
 from unlit.head.prior import shipped_prior
 from unlit.perception.topology import LEFT_LID_GAP, RIGHT_LID_GAP
 from unlit.scene.camera import Camera
+from unlit.settings.fit import LandmarkFit
 
 CAMERA = Camera(512, 512, 1100.0, 250.0, 262.0)
 
@@ -112,8 +113,8 @@ def test_identity_and_expression_help(head):
     identity = np.clip(rng.normal(size=len(head.identity)), -1.5, 1.5)
     identity[len(shipped_prior().combinations) :] = 0  # the relief moves landmarks by too little
     landmarks, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]), identity, {"jawOpen": 0.5})
-    fit = exact(head, landmarks, settings=FitSettings(deviation=8))
-    mean = exact(head, landmarks, settings=FitSettings(deviation=1e6, gap_deviation=1e6))
+    fit = exact(head, landmarks, settings=LandmarkFit(deviation=8))
+    mean = exact(head, landmarks, settings=LandmarkFit(deviation=1e6, gap_deviation=1e6))
     assert fit.landmark_residual < mean.landmark_residual / 3
     assert (fit.expression >= 0).all() and (fit.expression <= 1).all()
     assert fit.expression[head.expression_names.index("jawOpen")] > 0.15
@@ -135,7 +136,7 @@ def test_closed_lips_are_closed(head):
     closed, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]))
     for upper, lower in zip(UPPER_RIM[1:-1], LOWER_RIM[1:-1], strict=True):
         closed[[upper, lower], 1] += (-0.8, 0.8)
-    assert opening(closed[:, :2]) < FitSettings().closed
+    assert opening(closed[:, :2]) < LandmarkFit().closed
     fit = exact(head, closed)
     rims = head.landmarks(fit.vertices)[[UPPER_RIM, LOWER_RIM]]
     assert (rims[0, 1:-1, 1] - rims[1, 1:-1, 1]).max() < 0.01

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from unlit.errors import ModelError
 from unlit.fit.landmarks import LandmarkProblem, State
-from unlit.fit.shading import PhotometricSettings, photometric_fit
+from unlit.fit.shading import photometric_fit
 from unlit.fit.shape_jacobian import ShapeJacobian
 from unlit.head.landmark_error import NO_ERROR
 from unlit.head.model import HeadModel, default_model
@@ -23,6 +23,7 @@ from unlit.scene.camera import Camera
 from unlit.scene.cells import grid_cells, refine
 from unlit.scene.light import disc, uniform
 from unlit.scene.mesh import Mesh, surface, surface_weights
+from unlit.settings.fit import ShadingFit
 
 mi = mitsuba()
 SIZE = 128
@@ -152,11 +153,11 @@ def test_several_starts_find_the_turn_of_a_face_half_in_shadow(head: HeadModel) 
     problem = LandmarkProblem(head, seen(head, wrong), CAMERA, bias=NO_ERROR, image=image)
     fit = problem.fit(wrong, mouth_closed=False)
 
-    def off(settings: PhotometricSettings) -> float:
+    def off(settings: ShadingFit) -> float:
         found = photometric_fit(problem, fit, image, regions, settings).rotation
         return np.degrees(Rotation.from_matrix(found @ state.rotation.T).magnitude())
 
-    assert off(PhotometricSettings()) < 3 < 6 < off(PhotometricSettings(turns=()))
+    assert off(ShadingFit()) < 3 < 6 < off(ShadingFit(turns=()))
 
 
 def test_even_light_keeps_the_landmarks_mesh(head: HeadModel) -> None:

@@ -52,7 +52,8 @@ VALUES = st.sampled_from(
 )
 NAMES = st.sampled_from(
     [
-        *("resolution", "stage1", "stage1.iterations", "seed", "clip", '"stage1.iterations"'),
+        *("resolution", "stage1", "stage1.iterations", "clip", '"stage1.iterations"'),
+        *("landmark_fit.dim", "shading_fit.turns", "cast_shadow.mode", "light_color", "exposure"),
         *('""', "settings", "light_points", '"."', "stage1.x.y", "resolution.x"),
     ]
 )

@@ -101,7 +101,9 @@ def test_what_cannot_be_continued(face):
     with pytest.raises(OutputError, match="saved by an older unlit"):
         continued(replace(face, fit=None), 2, tiny_run.settings())
     with pytest.raises(SettingsError, match="resolution=64"):
-        continued(face, 2, tiny_run.settings(resolution=64))
+        continued(face, 2, replace(tiny_run.settings(), resolution=64))
+    with pytest.raises(SettingsError, match=r"landmark_fit\.huber=5\.0: the saved"):
+        continued(face, 2, tiny_run.settings(**{"landmark_fit.huber": 5}))
     with pytest.raises(SettingsError, match="head_model=ict: the saved result keeps its own"):
         continued(face, 2, tiny_run.settings(head_model="ict"))
     with pytest.raises(SettingsError, match="choose 1 to 5"):

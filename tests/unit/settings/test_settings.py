@@ -1,11 +1,21 @@
 """Table 1, the presets, and overriding them by name."""
 
-from typing import Any
+import dataclasses
+import math
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import pytest
+import tomli_w
+from msgspec import Meta
 
 from unlit.errors import SettingsError
-from unlit.settings.settings import PRESETS, TABLE_1, Settings, as_dict, override
+from unlit.settings.conditions import KnownExposure, LightColorRequest
+from unlit.settings.settings import PRESETS, Settings, as_dict, flat, override
+from unlit.settings.table1 import TABLE_1
 
 
 def test_table_1() -> None:
@@ -16,7 +26,8 @@ def test_table_1() -> None:
     assert [s.diffuse_smoothness for s in stages] == [0, 1, 1, 1, 0.1]
     assert [s.axis_rate for s in stages] == [0.01, 0.01, 0.005, 0, 0]
     assert [s.normal for s in stages] == [0, 0, 0, 0.1, 0.1]
-    assert PRESETS["paper"] == Settings(**TABLE_1)
+    assert PRESETS["paper"] == Settings()
+    assert stages == tuple(TABLE_1.values())
 
 
 def test_draft_is_the_same_in_less() -> None:
@@ -50,17 +61,32 @@ def test_override_by_dotted_name() -> None:
     [
         ({"speed": 1}, ["speed", "no such setting", "resolution"]),
         ({"stage2.speed": 1}, ["stage2.speed", "no such setting", "iterations"]),
+        ({"stage2.iteration": 1}, ["stage2.iteration:", "did you mean stage2.iterations?"]),
+        ({"stage2": {"iteration": 1}}, ["stage2.iteration:", "did you mean stage2.iterations?"]),
+        ({"seed": 1}, ["seed: no such setting"]),
         ({"stage2": 5}, ["stage2", "stage2.iterations"]),
+        ({"cast_shadow": "keep"}, ["cast_shadow: name one of its fields", "cast_shadow.mode"]),
+        ({"cast_shadow.mode": "fill"}, ["cast_shadow.mode='fill'", "auto or keep"]),
         ({"resolution.x": 5}, ["resolution.x", "no fields"]),
+        ({"light_color.kelvin": 5}, ["light_color.kelvin", "no fields"]),
+        ({"light_color": {"text": "auto"}}, ["light_color={", "text"]),
+        ({"light_color": 2700}, ["light_color=2700", "text"]),
+        ({"light_color": "warm"}, ["light_color='warm'", "2700K", "#rrggbb"]),
+        ({"exposure": "bright"}, ["exposure='bright'", "skin=ALBEDO", "500lux"]),
         ({"stage1.iterations": "many"}, ["stage1.iterations", "many", "int"]),
         ({"stage1.iterations": 2.5}, ["stage1.iterations", "2.5", "int"]),
+        ({"stage1.iterations": True}, ["stage1.iterations=True", "int"]),
         ({"stage1.iterations": -1}, ["stage1.iterations", "-1"]),
         ({"resolution": 100}, ["resolution=100", "256", "2048"]),
+        ({"resolution": 16**5000}, ["resolution=a long number"]),
         ({"bounces": -1}, ["bounces=-1", "0 or more"]),
         ({"refresh_interval": 0}, ["refresh_interval=0", "1 or more"]),
         ({"clip": None}, ["clip", "None", "float"]),
         ({"stage1.iterations": "inf"}, ["stage1.iterations", "inf"]),
-        ({"clip": "nan"}, ["clip", "nan"]),
+        ({"landmark_fit.dim": [0.1]}, ["landmark_fit.dim=[0.1]", "a list of 2", "above 0"]),
+        ({"landmark_fit.dim": [0.4, 0.4]}, ["landmark_fit.dim", "larger than the first"]),
+        ({"min_sharpness": 700}, ["min_sharpness=700", "600"]),
+        ({"head_model": 5}, ["head_model=5", "str"]),
     ],
 )
 def test_mistakes_are_named(changes: dict[str, Any], words: list[str]) -> None:
@@ -73,9 +99,90 @@ def test_mistakes_are_named(changes: dict[str, Any], words: list[str]) -> None:
         assert word in message
 
 
-def test_as_dict_round_trip() -> None:
-    """The nested dictionary that is saved brings the same settings back."""
-    changed = override(PRESETS["draft"], {"stage4.rate": 0.02, "bounces": 1})
+def numbers(group: type = Settings, prefix: str = "") -> Iterator[tuple[str, type, Meta]]:
+    """Every number that can be set: its dotted name, int or float, and its range."""
+    for name, kind in get_type_hints(group, include_extras=True).items():
+        if dataclasses.is_dataclass(kind) and kind not in (LightColorRequest, KnownExposure):
+            assert isinstance(kind, type)
+            yield from numbers(kind, f"{prefix}{name}.")
+        elif get_origin(kind) is Annotated:
+            yield (prefix + name, *get_args(kind))
+        else:
+            assert kind not in (int, float), f"{prefix}{name} has no range"
+
+
+NUMBERS = {name: (kind, bounds) for name, kind, bounds in numbers()}
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_ranges_at_their_ends(name: str) -> None:
+    """The last value inside is taken, as a number and as text; the next one, and nan, are not."""
+    kind, bounds = NUMBERS[name]
+    partner = {"min_sharpness": {"max_sharpness": 1e5}, "max_sharpness": {"min_sharpness": 1e-3}}
+    changes = partner.get(name, {})
+
+    def taken(value: Any) -> bool:
+        try:
+            changed = override(Settings(), changes | {name: value})
+        except SettingsError as error:
+            assert str(error).startswith(f"{name}={value!r}: expected {kind.__name__}, ")
+            return False
+        return flat(as_dict(changed))[name] == kind(float(value))
+
+    assert taken(flat(as_dict(Settings()))[name])
+    assert taken(flat(as_dict(PRESETS["draft"]))[name])
+    for closed, opened, away in (
+        (bounds.ge, bounds.gt, -math.inf),
+        (bounds.le, bounds.lt, math.inf),
+    ):
+        end = closed if opened is None else opened
+        assert end is not None, "a range has two ends"
+        within, beyond = (
+            (end - 1, end + 1)
+            if kind is int
+            else (math.nextafter(end, -math.inf), math.nextafter(end, math.inf))
+        )
+        if away < 0:
+            within, beyond = beyond, within
+        assert taken(end) == taken(str(end)) == (opened is None)
+        assert taken(within)
+        assert not taken(beyond)
+        assert not taken(away)
+    assert not taken(math.nan)
+    assert not taken("nan")
+
+
+def test_lists() -> None:
+    """As lists and as text with commas; of a range each."""
+    for said in ([0.2, 0.5], "0.2, 0.5"):
+        assert override(Settings(), {"landmark_fit.dim": said}).landmark_fit.dim == (0.2, 0.5)
+    assert override(Settings(), {"shading_fit.turns": ""}).shading_fit.turns == ()
+    for said in ([0.2, 1.5], "0.2,nan"):
+        with pytest.raises(SettingsError, match=r"shading_fit.turns=.*any number.*at most 1"):
+            override(Settings(), {"shading_fit.turns": said})
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"stage4.rate": 0.02, "bounces": 1},
+        {"light_color": "2700K", "exposure": "812,640.5 = 0.2", "cast_shadow.mode": "keep"},
+        {"light_color": "#FFB46B", "shading_fit.turns": [], "landmark_fit.dim": (0.2, 0.3)},
+    ],
+)
+def test_what_is_saved_brings_the_same_settings_back(changes: dict[str, Any]) -> None:
+    """By way of TOML, as in reconstruction.toml; in plain values of the same types."""
+    changed = override(PRESETS["draft"], changes)
     plain = as_dict(changed)
-    assert plain["stage4"]["rate"] == 0.02
-    assert override(PRESETS["paper"], plain) == changed
+    saved = tomllib.loads(tomli_w.dumps(plain))
+    assert saved == plain
+    assert override(PRESETS["paper"], saved) == changed
+    assert override(PRESETS["paper"], flat(plain)) == changed
+
+
+def test_the_import_is_light() -> None:
+    """No renderer, no arrays: the command line's help is made from it."""
+    code = "import sys, unlit.settings.settings\n"
+    code += "assert not {'numpy', 'drjit', 'mitsuba', 'scipy', 'cv2'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)

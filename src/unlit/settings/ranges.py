@@ -1,0 +1,44 @@
+"""Types of settings that carry the range of what they take, and the conversion to them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, get_args, get_origin
+
+import msgspec
+from msgspec import Meta
+
+Share = Annotated[float, Meta(ge=0, le=1)]
+Weight = Annotated[float, Meta(ge=0, le=1e6)]
+Positive = Annotated[float, Meta(gt=0, le=1e6)]
+Count = Annotated[int, Meta(ge=1, le=1_000_000)]
+
+_WORDS = {"ge": "{:g} or more", "gt": "above {:g}", "le": "at most {:g}", "lt": "below {:g}"}
+
+
+def converted(value: Any, kind: Any) -> Any:
+    """`value`, as Python or TOML have it, or as text, in the type `kind` and its range.
+
+    Several numbers may be one text, with commas. Raises msgspec.ValidationError.
+    """
+    if get_origin(kind) is tuple and isinstance(value, str):
+        value = [part.strip() for part in value.split(",") if part.strip()]
+    return msgspec.convert(value, kind, strict=False)
+
+
+def expected(kind: Any) -> str:
+    """What a setting of this type takes, in words: "int, 1 or more, at most 8"."""
+    if get_origin(kind) is Literal:
+        return " or ".join(get_args(kind))
+    if get_origin(kind) is tuple:
+        parts = get_args(kind)
+        count = "any number" if parts[1] is ... else str(len(parts))
+        return f"a list of {count}, each {expected(parts[0])}"
+    if get_origin(kind) is not Annotated:
+        return kind.__name__
+    base, bounds = get_args(kind)
+    said = (text.format(getattr(bounds, end)) for end, text in _WORDS.items() if _has(bounds, end))
+    return ", ".join([base.__name__, *said])
+
+
+def _has(bounds: Meta, end: str) -> bool:
+    return getattr(bounds, end) is not None

@@ -1,0 +1,42 @@
+"""The schedule of the five stages: the paper's Table 1."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from msgspec import Meta
+
+from .ranges import Weight
+
+Rate = Annotated[float, Meta(ge=0, le=10)]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One column of Table 1: iterations, loss weights, learning rates."""
+
+    iterations: Annotated[int, Meta(ge=0, le=1_000_000)]
+    image: Weight = 1.0
+    specular_smoothness: Weight = 0.0
+    diffuse_smoothness: Weight = 0.0
+    landmark: Weight = 0.0
+    shape: Weight = 0.0
+    normal: Weight = 0.0
+    axis_rate: Rate = 0.0
+    sharpness_rate: Rate = 0.0
+    amplitude_rate: Rate = 0.0
+    rate: Rate = 0.05
+
+
+# fmt: off
+#: Table 1 of the paper. A weight that does not apply to a stage is 0.
+TABLE_1 = {
+    #                        N     image spec  diff  landm shape normal  xi     lambda mu
+    "stage1": Stage(         2000, 1.0,  0.0,  0.0,  0.0,  0.0,  0.0,    0.01,  0.05,  0.05),
+    "stage2": Stage(         2000, 1.0, 10.0,  1.0,  0.0,  0.0,  0.0,    0.01,  0.05,  0.05),
+    "stage3": Stage(          750, 1.0, 10.0,  1.0,  1.0, 50.0,  0.0,    0.005, 0.01,  0.01),
+    "stage4": Stage(          500, 1.0, 10.0,  1.0,  1.0, 50.0,  0.1,    0.0,   0.0,   0.0),
+    "stage5": Stage(          100, 1.0,  1.0,  0.1,  1.0, 50.0,  0.1,    0.0,   0.0,   0.0),
+}
+# fmt: on
