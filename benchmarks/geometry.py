@@ -50,7 +50,8 @@ from unlit.evaluate.table import Table, markdown
 from unlit.fit.landmarks import FitSettings, HeadFit, LandmarkProblem
 from unlit.fit.shading import photometric_fit
 from unlit.head.landmark_error import NO_ERROR
-from unlit.head.model import HeadModel, default_model
+from unlit.head.model import HeadModel
+from unlit.head.sources.library import default_model
 from unlit.output import write_one
 from unlit.output.images import png
 from unlit.perception.topology import FACE_OVAL, LEFT_EYE, LIPS_INNER, RIGHT_EYE

@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     from ..batches.progress import BatchConsole
     from ..batches.run import run_batch
     from ..batches.store import Store
-    from ..head.library import head_model
+    from ..head.sources.library import head_model
 
     settings, folder = settings_of(options), options.output
     photos = find_photos(options.inputs)

@@ -51,7 +51,7 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     settings = settings_of(options)
     from ..evaluate import command
-    from ..head.library import head_model
+    from ..head.sources.library import head_model
 
     inputs, folder = [Path(name) for name in options.inputs], Path(options.output)
     if not options.same_person and len(inputs) != 1:

@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
         print(f"  {status.problem + optional if status.problem else f'verified: {status.path}'}")
         if options.action == "verify":
             print(f"  sha256 {entry.sha256}")
-    from ..head import library
+    from ..head.sources import library
 
     for name, path in library.added().items():
         print(f"{name}  head model, for --model {name}\n  {path}")
@@ -76,7 +76,7 @@ def _add(name: str | None, folder: str | None) -> int:
     """Make a head model of the files in `folder`."""
     if name is None or folder is None:
         raise SettingsError("name the model and its files, as in: unlit models add ict FOLDER")
-    from ..head import library
+    from ..head.sources import library
     from ..progress.console import StepConsole
 
     print(library.add(name, Path(folder), StepConsole()))

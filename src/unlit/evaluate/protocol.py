@@ -18,8 +18,8 @@ import numpy as np
 from ..color import encode_srgb
 from ..errors import SubjectError
 from ..face.reconstruction import Reconstruction
-from ..head.library import head_model, model_key
 from ..head.model import HeadModel
+from ..head.sources.library import head_model, model_key
 from ..optimize.problem import Progress
 from ..photo.photo import Photo
 from ..pipeline.chain import (

@@ -7,7 +7,7 @@ thousand pixels of plain skin, with the transport renderer's own shading and der
 
     encode(rho E(n) + rho_s S(n)) = encode(photo),      E, S linear in the light
 
-Landmarks and the model's prior take part as in head/fit.py. Neighbouring pixels err together, so
+Landmarks and the model's prior take part as in landmarks.py. Neighbouring pixels err together, so
 all of them count as few independent measurements. Derivatives hold the shadows where they are, so
 the descent starts from several turns of the head and the lowest cost decides. Where the light is
 so even that shading does not improve on the landmarks' mesh, that mesh is kept.

@@ -1,6 +1,6 @@
 """Regions of the face as soft masks: skin, lips, eyes, eyebrows, mouth interior, everything else.
 
-Lips, eyes, eyebrows and the mouth are the landmarks' contours; skin is what `visibility.py` leaves
+Lips, eyes, eyebrows and the mouth are the landmarks' contours; skin is what `skin.py` leaves
 of the rest of the face. Section 3.1 of the paper takes such a segmentation from a face parser; no
 parser with weights under a free licence was found.
 """

@@ -26,8 +26,8 @@ from ..face.reconstruction import Fit, Reconstruction
 from ..face.warnings import findings
 from ..fit.landmarks import HeadFit, LandmarkProblem
 from ..fit.shading import photometric_fit
-from ..head.library import head_model, model_key
 from ..head.model import LANDMARKS, HeadModel
+from ..head.sources.library import head_model, model_key
 from ..machine.runtime import mitsuba
 from ..optimize.checkpoint import Checkpoint
 from ..optimize.problem import Estimate, Evidence, Problem, Progress, Shading
@@ -129,8 +129,8 @@ class Head:
             model.triangles,
             model.uv,
             model.triangle_uv,
-            model.landmark_triangle,
-            model.landmark_barycentric,
+            model.landmark_points.triangle,
+            model.landmark_points.barycentric,
             fit.landmarks,
             fit.landmark_residual,
             f"{model.name}, {model.licence}",

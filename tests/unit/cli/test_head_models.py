@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from unlit import cli
-from unlit.head import library
+from unlit.head.sources import library
 
 
 @pytest.fixture

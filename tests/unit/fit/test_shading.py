@@ -14,7 +14,8 @@ from unlit.fit.landmarks import LandmarkProblem, State
 from unlit.fit.shading import PhotometricSettings, photometric_fit
 from unlit.fit.shape_jacobian import ShapeJacobian
 from unlit.head.landmark_error import NO_ERROR
-from unlit.head.model import HeadModel, default_model
+from unlit.head.model import HeadModel
+from unlit.head.sources.library import default_model
 from unlit.machine.runtime import mitsuba
 from unlit.perception.regions import Regions
 from unlit.render.transport import Directions, Points, shade, visibility

@@ -14,12 +14,12 @@ from corrupt import damaged
 from unlit.errors import ModelError
 from unlit.head.model import LANDMARKS, HeadModel
 from unlit.head.sources import makehuman
+from unlit.scene.surface_points import SurfacePoints
 
 FUZZ = settings.get_profile("fuzz")
 
 
 def tetrahedron() -> HeadModel:
-    none = np.full(LANDMARKS, -1, np.int32)
     return HeadModel(
         name="tiny",
         licence="CC0-1.0",
@@ -31,8 +31,7 @@ def tetrahedron() -> HeadModel:
         triangles=np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32),
         uv=np.zeros((1, 2), np.float32),
         triangle_uv=np.zeros((4, 3), np.int32),
-        landmark_triangle=none,
-        landmark_barycentric=np.zeros((LANDMARKS, 3), np.float32),
+        landmark_points=SurfacePoints.empty(LANDMARKS),
         vertex_region=np.zeros(4, np.uint8),
     )
 

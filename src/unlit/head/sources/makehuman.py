@@ -1,9 +1,9 @@
 """The default head model: MakeHuman's base head (CC0), its shape targets and its face units (CC0).
 
 Read from the data files of one pinned wheel, none of whose code is run. The artists' targets
-overlap and carry no statistics: mean and covariance of their coefficients come from another head
-model (prior.py), which began from hand-set standard deviations, and so does what they cannot make
-of a face (relief.py). docs/geometry.md tells what it gives, docs/head-model-format.md lists the
+overlap and carry no statistics: mean and covariance of their coefficients were learnt from another
+head model, starting from hand-set standard deviations, and so was what they cannot make of a face
+(makehuman_learnt.py). docs/geometry.md tells what it gives, docs/head-model-format.md lists the
 other choices.
 """
 
@@ -27,15 +27,21 @@ from ...errors import ModelError
 from ...machine.assets import ASSETS, asset, cache_folder
 from ...perception.topology import LEFT_LID_GAP, RIGHT_LID_GAP
 from ...scene.normals import vertex_normals
+from ...scene.surface_points import SurfacePoints
 from ...storage.keys import key
 from ...storage.npy import DAMAGED, reason
 from ..basis import principal_combinations, remove_similarity, vertex_areas
-from ..embedding import Embedding, eyebrow_vertices, shipped_embedding
+from ..eyebrows import eyebrow_vertices
 from ..lips import seal_lips
-from ..model import VERTEX_REGIONS, HeadModel
-from ..prior import Prior, shipped_prior
-from ..relief import Relief, shipped_relief
+from ..model import LANDMARKS, VERTEX_REGIONS, HeadModel
 from ..subdivision import catmull_clark, triangulate
+from .makehuman_learnt import (
+    DisplacementBasis,
+    ShapePrior,
+    shipped_displacement,
+    shipped_landmarks,
+    shipped_prior,
+)
 
 ASSET = "makehuman-head"
 BUILDER_VERSION = 3
@@ -123,13 +129,13 @@ def build(wheel: Path, bare: bool = False) -> HeadModel:
 
     bare: leave the landmarks out and the lips as they come, as needed to find the landmarks.
     """
-    embedding = Embedding.empty() if bare else shipped_embedding()
-    return _build(wheel, embedding, shipped_prior(), shipped_relief())[0]
+    landmarks = SurfacePoints.empty(LANDMARKS) if bare else shipped_landmarks()
+    return _build(wheel, landmarks, shipped_prior(), shipped_displacement())[0]
 
 
 def build_flat(wheel: Path) -> HeadModel:
-    """The model with the learnt prior and no relief, from which the relief is learnt."""
-    return _build(wheel, shipped_embedding(), shipped_prior(), None)[0]
+    """The model with the learnt prior and no displacement, from which that is learnt."""
+    return _build(wheel, shipped_landmarks(), shipped_prior(), None)[0]
 
 
 def build_unlearnt(wheel: Path) -> tuple[HeadModel, np.ndarray, np.ndarray]:
@@ -137,22 +143,25 @@ def build_unlearnt(wheel: Path) -> tuple[HeadModel, np.ndarray, np.ndarray]:
 
     Also the axes (J, V, 3), float64, and the rows (I, J) that make the model's identity of them.
     """
-    return _build(wheel, shipped_embedding(), None, None)
+    return _build(wheel, shipped_landmarks(), None, None)
 
 
 def _build(
-    wheel: Path, embedding: Embedding, prior: Prior | None, relief: Relief | None
+    wheel: Path,
+    landmarks: SurfacePoints,
+    prior: ShapePrior | None,
+    displacement: DisplacementBasis | None,
 ) -> tuple[HeadModel, np.ndarray, np.ndarray]:
     try:
         with zipfile.ZipFile(wheel) as archive:
-            return _Builder(_Source(archive)).model(embedding, prior, relief)
+            return _Builder(_Source(archive)).model(landmarks, prior, displacement)
     except (KeyError, Image.DecompressionBombError, *DAMAGED) as error:
         raise ModelError(f"{wheel}: not the MakeHuman data expected ({reason(error)})") from None
 
 
 def _key() -> str:
     """Changes with the asset, this module's version, and what is shipped for the head."""
-    shipped = sorted(Path(__file__).parents[1].glob("makehuman_*.npz"))
+    shipped = sorted(Path(__file__).parent.glob("makehuman_*.npz"))
     return key(BUILDER_VERSION, ASSETS[ASSET].sha256, *(file.read_bytes() for file in shipped))
 
 
@@ -294,14 +303,17 @@ class _Builder:
         self.uv = np.concatenate(uv).astype(np.float32)
 
     def model(
-        self, embedding: Embedding, prior: Prior | None, relief: Relief | None
+        self,
+        landmarks: SurfacePoints,
+        prior: ShapePrior | None,
+        displacement: DisplacementBasis | None,
     ) -> tuple[HeadModel, np.ndarray, np.ndarray]:
         base = self.source.positions + self._average_adult()
         neutral = self._refine(base)
         balls = [base[ball.helper].mean(axis=0) for ball in self.eyeballs]
         scale = _PUPIL_DISTANCE / float(np.linalg.norm(balls[0] - balls[1]))
         neutral = (neutral - np.mean(balls, axis=0)) * scale
-        region = self._regions(neutral, embedding.points(neutral, self.triangles))
+        region = self._regions(neutral, landmarks.on(neutral, self.triangles))
         axes = self._identity_axes(base, neutral, scale, region)
         if prior is None:
             weights = inner_product_weights(neutral, self.triangles, region)
@@ -312,17 +324,17 @@ class _Builder:
                 raise ValueError(f"{len(axes)} identity axes, the prior is of another number")
             neutral = neutral + np.tensordot(prior.mean, axes, axes=1)
         identity = np.tensordot(combinations, axes, axes=1)
-        if relief is not None:
+        if displacement is not None:
             normals = vertex_normals(neutral, self.triangles)
-            neutral = neutral + relief.mean[:, None] * normals
-            identity = np.concatenate([identity, relief.components[..., None] * normals])
+            neutral = neutral + displacement.mean[:, None] * normals
+            identity = np.concatenate([identity, displacement.components[..., None] * normals])
         expression, names = self._expressions(base)
-        expression = self._blinks_that_close(neutral, expression * scale, names, embedding)
+        expression = self._blinks_that_close(neutral, expression * scale, names, landmarks)
         model = HeadModel(
             name="MakeHuman head",
             licence="CC0-1.0 AND MIT",
             origin="MakeHuman community (MPFB2 base mesh and targets); Face Units, Mika Suominen; "
-            "shape statistics and relief from ICT-FaceKit (USC ICT, MIT)",
+            "shape statistics from ICT-FaceKit (USC ICT, MIT)",
             neutral=neutral.astype(np.float32),
             identity=identity.astype(np.float32),
             expression=expression.astype(np.float32),
@@ -330,8 +342,7 @@ class _Builder:
             triangles=self.triangles,
             uv=self.uv,
             triangle_uv=self.triangle_uv,
-            landmark_triangle=embedding.triangle,
-            landmark_barycentric=embedding.barycentric,
+            landmark_points=landmarks,
             vertex_region=region,
         )
         return replace(model, neutral=seal_lips(model, model.neutral)), axes, combinations
@@ -376,14 +387,14 @@ class _Builder:
         neutral: np.ndarray,
         units: np.ndarray,
         names: tuple[str, ...],
-        embedding: Embedding,
+        landmarks: SurfacePoints,
     ) -> np.ndarray:
         """Scale each blink so that at 1 the lids just meet; on this neutral's eyes they cross."""
         for name, gap in (("eyeBlinkLeft", LEFT_LID_GAP), ("eyeBlinkRight", RIGHT_LID_GAP)):
             upper, lower = (list(rim) for rim in zip(*gap, strict=True))
             unit = units[names.index(name)]
-            opened = embedding.points(neutral, self.triangles)[:, 1]
-            closing = embedding.points(unit, self.triangles)[:, 1]
+            opened = landmarks.on(neutral, self.triangles)[:, 1]
+            closing = landmarks.on(unit, self.triangles)[:, 1]
             width = np.mean(opened[upper] - opened[lower])
             if np.isfinite(width):
                 unit *= width / np.mean(closing[lower] - closing[upper])

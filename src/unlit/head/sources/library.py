@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import platformdirs
 
-from ..errors import ModelError
-from ..machine.assets import FOLDER_VARIABLE
-from ..storage.keys import key
-from .model import HeadModel, default_model
+from ...errors import ModelError
+from ...machine.assets import FOLDER_VARIABLE
+from ...storage.keys import key
+from ..model import HeadModel
+from . import ict, makehuman
 
 DEFAULT = "makehuman"
 _SUFFIX = ".npz"
@@ -33,6 +33,11 @@ def added() -> dict[str, Path]:
     named = os.environ.get(FOLDER_VARIABLE)
     places = [folder(), *([Path(named).expanduser()] if named else [])]
     return {path.stem: path for place in places for path in sorted(place.glob(f"*{_SUFFIX}"))}
+
+
+def default_model() -> HeadModel:
+    """The head model used when the user names none: MakeHuman's, built once and cached."""
+    return makehuman.cached_model()
 
 
 def head_model(name: str) -> HeadModel:
@@ -55,7 +60,7 @@ def model_file(name: str) -> Path | None:
 
 def model_key(model: HeadModel) -> str:
     """Changes with anything that `model` holds."""
-    return key(*(getattr(model, field.name) for field in fields(model)))
+    return key(*model.content().values())
 
 
 def _of_file(path: Path) -> HeadModel:
@@ -78,11 +83,9 @@ def add(name: str, source: Path, progress: Progress) -> Path:
     """
     if name != "ict":
         raise ModelError(f"{name}: no such head model to add; there is ict (ICT-FaceKit)")
-    from .sources.ict import build
-
     if not source.is_dir():
         raise ModelError(f"{source}: not a folder; give FaceXModel of a copy of ICT-FaceKit")
-    model = build(source, progress)
+    model = ict.build(source, default_model(), progress)
     place = folder() / f"{name}{_SUFFIX}"
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
