@@ -33,6 +33,7 @@ from ..perception.topology import (
     RIGHT_LID_GAP,
 )
 from ..scene.camera import Camera
+from ..settings.fit import LandmarkFit
 
 # Midline from the root of the nose to the chin, and the nose's wings and base.
 NOSE_AND_MIDLINE = (168, 6, 197, 195, 5, 4, 1, 19, 94, 2, 164, 18, 200, 199, 175)
@@ -40,46 +41,6 @@ NOSE_AND_MIDLINE += (98, 97, 326, 327, 129, 358, 49, 279, 48, 278, 64, 294)
 _GAPS = (*LIP_GAP, *RIGHT_LID_GAP, *LEFT_LID_GAP)
 # The fit's distances are stated for a crop of this size, pixels.
 _STATED_RESOLUTION = 512
-
-
-@dataclass(frozen=True)
-class FitSettings:
-    """How far the landmarks are trusted. Distances are pixels of a 512 x 512 crop.
-
-    contour_weight: weight of lips, eyelids, nose and midline points.
-    oval_weight: weight of the face oval across itself; oval_tangential: factor on the residual
-        along it, since the outline slides over the head as it turns.
-    other_weight: weight of all other points.
-    deviation: standard deviation of one landmark coordinate of weight 1.
-    huber: residuals beyond this count linearly.
-    gap_deviation: standard deviation of the distance across the lips and across the eyelids,
-        for each of several pairs of points: what two close points share of their error cancels
-        in it, so that it says how far mouth and eyes are open better than the points do.
-    expression_deviation: scale of the prior that pulls the expression's units to 0.
-    last_deviation: as deviation, for the expression alone, once pose and identity are found: a
-        smile moves the lips by far more than the landmarks are wrong.
-    iterations: of Gauss-Newton, after the pose alone has settled.
-    closed: the mouth counts as closed, and is closed, below this opening in mouth widths.
-    dark_weight: factor on the weight of a landmark in the dark, where the landmarker guesses.
-    dim: light on a landmark, as a share of that on the face's lit part, below which it counts as
-        dark, and above which it has its full weight.
-    light_blur: standard deviation of the Gaussian that the light is averaged with.
-    """
-
-    contour_weight: float = 1.0
-    oval_weight: float = 0.5
-    oval_tangential: float = 0.05
-    other_weight: float = 0.1
-    deviation: float = 15.0
-    huber: float = 4.0
-    gap_deviation: float = 3.0
-    expression_deviation: float = 0.3
-    last_deviation: float = 12.0
-    iterations: int = 8
-    closed: float = 0.04
-    dark_weight: float = 0.03
-    dim: tuple[float, float] = (0.1, 0.4)
-    light_blur: float = 6.0
 
 
 @dataclass(frozen=True)
@@ -138,11 +99,10 @@ class LandmarkProblem:
         model: HeadModel,
         landmarks: np.ndarray,
         camera: Camera,
-        settings: FitSettings | None = None,
+        settings: LandmarkFit,
         bias: LandmarkError | None = None,
         image: np.ndarray | None = None,
     ) -> None:
-        settings = settings or FitSettings()
         self.bias = bias or shipped_error()
         landmarks = np.asarray(landmarks, dtype=np.float64)
         if landmarks.shape != (LANDMARKS, 3) or not np.isfinite(landmarks).all():

@@ -42,6 +42,7 @@ from ..photo.photo import Photo, read_photo
 from ..scene.arrays import device
 from ..scene.camera import Camera
 from ..scene.lobes import CellRadiance
+from ..settings.fit import LandmarkFit, ShadingFit
 from ..settings.settings import PRESETS, Settings, as_dict
 from ..storage.keys import key
 
@@ -234,10 +235,12 @@ def _check_known(capture: Capture, photo: Photo, settings: Settings) -> None:
 def fitted_head(capture: Capture, model: HeadModel) -> Head:
     """`model` fitted to the capture's landmarks, then to its shading. Raises FaceError."""
     closed = bool(capture.regions.mouth.max() < 0.5)
-    problem = LandmarkProblem(model, capture.landmarks, capture.camera, image=capture.image)
+    problem = LandmarkProblem(
+        model, capture.landmarks, capture.camera, LandmarkFit(), image=capture.image
+    )
     with threadpool_limits(1, user_api="blas"):
         fit = photometric_fit(
-            problem, problem.solve(closed), capture.image, capture.regions, mouth_closed=closed
+            problem, problem.solve(closed), capture.image, capture.regions, ShadingFit(), closed
         )
     return Head.of_fit(model, fit)
 

@@ -7,17 +7,19 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from unlit.errors import FaceError
-from unlit.fit.landmarks import FitSettings, LandmarkProblem, State
+from unlit.fit.landmarks import LandmarkProblem, State
 from unlit.head.landmark_error import NO_ERROR, shipped_error
 from unlit.head.lips import LOWER_RIM, UPPER_RIM, opening
 from unlit.head.sources.makehuman_learnt import shipped_prior
 from unlit.perception.topology import LEFT_LID_GAP, RIGHT_LID_GAP
 from unlit.scene.camera import Camera
+from unlit.settings.fit import LandmarkFit
 
+SETTINGS = LandmarkFit()
 CAMERA = Camera(512, 512, 1100.0, 250.0, 262.0)
 
 
-def exact(head, landmarks, camera=CAMERA, settings=None):
+def exact(head, landmarks, camera=CAMERA, settings=SETTINGS):
     """The fit to landmarks that have none of the landmarker's mean error."""
     return LandmarkProblem(head, landmarks, camera, settings, NO_ERROR).solve()
 
@@ -66,8 +68,8 @@ def test_the_mean_error_is_taken_off(head, roll):
     def off(fit):
         return np.degrees(Rotation.from_matrix(fit.rotation @ turn.T).magnitude())
 
-    assert off(LandmarkProblem(head, landmarks, centred).solve()) < 1
-    assert off(exact(head, landmarks, centred)) > 2
+    assert off(LandmarkProblem(head, landmarks, centred, SETTINGS).solve()) < 1
+    assert off(exact(head, landmarks, centred, SETTINGS)) > 2
 
 
 def test_landmarks_in_the_dark_count_little(head):
@@ -81,7 +83,7 @@ def test_landmarks_in_the_dark_count_little(head):
     image[:, : int(edge) - 6] = 0.005
 
     def off(image):
-        problem = LandmarkProblem(head, landmarks, CAMERA, bias=NO_ERROR, image=image)
+        problem = LandmarkProblem(head, landmarks, CAMERA, SETTINGS, bias=NO_ERROR, image=image)
         return np.degrees(Rotation.from_matrix(problem.solve().rotation @ turn.T).magnitude())
 
     assert off(None) > 3
@@ -95,7 +97,7 @@ def test_turned_by_a_share(head):
     landmarks, _ = seen(head, turn, np.array([0, 0, -60.0]))
     centred = replace(CAMERA, cx=256, cy=256)
     landmarks[:, :2] += (256 - CAMERA.cx, 256 - CAMERA.cy)
-    problem = LandmarkProblem(head, landmarks, centred, bias=NO_ERROR)
+    problem = LandmarkProblem(head, landmarks, centred, SETTINGS, bias=NO_ERROR)
     middle = problem.neutral.mean(axis=0)
     units = np.zeros(len(head.identity)), np.zeros(len(head.expression))
     state = State(turn, np.array([0, 0, -60.0]) - turn @ middle, *units)
@@ -111,8 +113,8 @@ def test_identity_and_expression_help(head):
     identity = np.clip(rng.normal(size=len(head.identity)), -1.5, 1.5)
     identity[len(shipped_prior().combinations) :] = 0  # displacements move landmarks by too little
     landmarks, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]), identity, {"jawOpen": 0.5})
-    fit = exact(head, landmarks, settings=FitSettings(deviation=8))
-    mean = exact(head, landmarks, settings=FitSettings(deviation=1e6, gap_deviation=1e6))
+    fit = exact(head, landmarks, settings=LandmarkFit(deviation=8))
+    mean = exact(head, landmarks, settings=LandmarkFit(deviation=1e6, gap_deviation=1e6))
     assert fit.landmark_residual < mean.landmark_residual / 3
     assert (fit.expression >= 0).all() and (fit.expression <= 1).all()
     assert fit.expression[head.expression_names.index("jawOpen")] > 0.15
@@ -134,7 +136,7 @@ def test_closed_lips_are_closed(head):
     closed, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]))
     for upper, lower in zip(UPPER_RIM[1:-1], LOWER_RIM[1:-1], strict=True):
         closed[[upper, lower], 1] += (-0.8, 0.8)
-    assert opening(closed[:, :2]) < FitSettings().closed
+    assert opening(closed[:, :2]) < SETTINGS.closed
     fit = exact(head, closed)
     rims = head.landmarks(fit.vertices)[[UPPER_RIM, LOWER_RIM]]
     assert (rims[0, 1:-1, 1] - rims[1, 1:-1, 1]).max() < 0.01
@@ -161,6 +163,6 @@ def test_closed_lids_cover_the_eye(head):
 def test_bad_landmarks_are_refused(head):
     """NaN or the wrong shape is a FaceError, not a NaN mesh."""
     with pytest.raises(FaceError, match="not 478 finite points"):
-        LandmarkProblem(head, np.full((478, 3), np.nan), CAMERA).solve()
+        LandmarkProblem(head, np.full((478, 3), np.nan), CAMERA, SETTINGS).solve()
     with pytest.raises(FaceError, match="not 478 finite points"):
-        LandmarkProblem(head, np.zeros((68, 3)), CAMERA).solve()
+        LandmarkProblem(head, np.zeros((68, 3)), CAMERA, SETTINGS).solve()
