@@ -14,8 +14,9 @@ import numpy as np
 from ..errors import FaceError
 from .contours import coverage, feather, smooth_contour
 from .glasses import glasses_frames
+from .measures import face_size, smoothstep
 from .mouth import mouth_opening, relative_gap
-from .skin import face_size, smoothstep, visible_face
+from .skin import visible_face
 from .topology import (
     LEFT_EYE,
     LEFT_EYEBROW,

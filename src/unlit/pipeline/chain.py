@@ -34,8 +34,8 @@ from ..optimize.problem import Estimate, Evidence, Problem, Progress, Shading
 from ..optimize.stages import Begin, run_stages, start
 from ..perception.landmarks import Face, find_faces
 from ..perception.mask import painted, read_mask
+from ..perception.measures import upwards
 from ..perception.regions import Regions, segment
-from ..perception.skin import upwards
 from ..perception.topology import NOSE_BASE
 from ..photo.crop import Crop, face_crop
 from ..photo.photo import Photo, read_photo
