@@ -131,26 +131,16 @@ class HeadModel:
 
 def _of_arrays(arrays: dict[str, np.ndarray]) -> HeadModel:
     """The model of a file's arrays. Raises ModelError that names the field."""
-
-    def array(field: str) -> np.ndarray:
-        if field not in arrays:
-            raise ModelError(f"field '{field}' is missing from the head model")
-        return arrays[field]
-
-    return HeadModel(
-        name=str(array("name")),
-        licence=str(array("licence")),
-        origin=str(array("origin")),
-        neutral=array("neutral"),
-        identity=array("identity"),
-        expression=array("expression"),
-        expression_names=tuple(str(name) for name in np.atleast_1d(array("expression_names"))),
-        triangles=array("triangles"),
-        uv=array("uv"),
-        triangle_uv=array("triangle_uv"),
-        landmark_points=SurfacePoints(array("landmark_triangle"), array("landmark_barycentric")),
-        vertex_region=array("vertex_region"),
-    )
+    values: dict[str, Any] = dict(arrays)
+    try:
+        values |= {text: str(values[text]) for text in ("name", "licence", "origin")}
+        names = np.atleast_1d(values["expression_names"])
+        values["expression_names"] = tuple(str(name) for name in names)
+        points = SurfacePoints(values["landmark_triangle"], values["landmark_barycentric"])
+        values["landmark_points"] = points
+        return HeadModel(**{field.name: values[field.name] for field in fields(HeadModel)})
+    except KeyError as error:
+        raise ModelError(f"field {error} is missing from the head model") from None
 
 
 def _read_npz(path: Path) -> dict[str, np.ndarray]:
