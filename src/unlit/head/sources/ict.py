@@ -59,11 +59,11 @@ _SIDES = {"_L": "Left", "_R": "Right"}
 
 
 def build(
-    folder: Path, reference: HeadModel, progress: Callable[[str, int, int], None]
+    folder: Path, reference: Callable[[], HeadModel], progress: Callable[[str, int, int], None]
 ) -> HeadModel:
     """The model in `folder`, a copy of the repository or its folder FaceXModel.
 
-    reference: a head whose regions and landmarks are known.
+    reference: gives a head whose regions and landmarks are known; asked once all files are read.
     progress: called with (what is done now, files read, of all).
     Raises ModelError when it is not one, naming the file that is missing or wrong.
     """
@@ -113,7 +113,7 @@ def build(
         landmark_points=SurfacePoints.empty(LANDMARKS),
         vertex_region=region,
     )
-    model = _with_landmarks(model, reference)
+    model = _with_landmarks(model, reference())
     progress("ICT-FaceKit read", len(files), len(files))
     return model
 

@@ -28,7 +28,7 @@ def obj(vertices: np.ndarray, faces: tuple = ()) -> str:
 
 def build(folder: Path) -> HeadModel:
     """The model, of a repository whose other head is not asked (below)."""
-    return ict.build(folder, None, lambda *_: None)  # type: ignore[arg-type]
+    return ict.build(folder, lambda: None, lambda *_: None)  # type: ignore[arg-type]
 
 
 @pytest.fixture

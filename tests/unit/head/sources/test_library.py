@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from unlit.errors import ModelError
+from unlit.head import files
 from unlit.head.model import LANDMARKS, HeadModel
 from unlit.head.sources import ict, library
 from unlit.scene.surface_points import SurfacePoints
@@ -38,7 +39,8 @@ def triangle(name: str, size: float = 17.0) -> HeadModel:
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The user's own folder, not there yet."""
-    monkeypatch.setattr(library, "folder", lambda: tmp_path / "heads")
+    for module in (files, library):
+        monkeypatch.setattr(module, "models_folder", lambda: tmp_path / "heads")
     monkeypatch.delenv("UNLIT_MODELS", raising=False)
     return tmp_path
 
@@ -47,11 +49,10 @@ def test_what_is_added_is_found_by_name_and_by_file(
     home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """`add` keeps the model that was built; a file of one's own needs no adding."""
-    monkeypatch.setattr(library, "default_model", lambda: triangle("default"))
     monkeypatch.setattr(ict, "build", lambda source, reference, progress: triangle(source.name))
     (home / "copy").mkdir()
     path = library.add("ict", home / "copy", lambda *_: None)
-    assert library.added() == {"ict": path}
+    assert files.added() == {"ict": path}
     assert library.head_model("ict").name == "copy"
     triangle("mine").save(home / "mine.npz")
     assert library.head_model(str(home / "mine.npz")).name == "mine"
