@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from unlit.head.model import default_model
+from unlit.head.sources.library import default_model
 from unlit.scene.camera import Camera
 from unlit.scene.maps import Maps
 

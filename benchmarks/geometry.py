@@ -50,13 +50,14 @@ from unlit.evaluate.table import Table, markdown
 from unlit.fit.landmarks import HeadFit, LandmarkProblem
 from unlit.fit.shading import photometric_fit
 from unlit.head.landmark_error import NO_ERROR
-from unlit.head.model import HeadModel, default_model
+from unlit.head.model import HeadModel
+from unlit.head.sources.library import default_model
 from unlit.output import write_one
 from unlit.output.images import png
 from unlit.perception.topology import FACE_OVAL, LEFT_EYE, LIPS_INNER, RIGHT_EYE
 from unlit.photo.photo import Photo
 from unlit.pipeline.chain import Capture, Head, observe, solve
-from unlit.settings.fit import LandmarkFit
+from unlit.settings.fit import LandmarkFit, ShadingFit
 from unlit.settings.settings import PRESETS, Settings
 from unlit.storage.keys import key
 
@@ -219,7 +220,7 @@ def _closed(capture: Capture) -> bool:
 
 def mean_head(model: HeadModel, capture: Capture) -> HeadFit:
     """The mean head with the pose that fits the landmarks best."""
-    problem = LandmarkProblem(model, capture.landmarks, capture.camera)
+    problem = LandmarkProblem(model, capture.landmarks, capture.camera, LandmarkFit())
     state = problem.start()
     for _ in range(problem.settings.iterations):
         state = problem.step(state, free_shape=False)
@@ -234,16 +235,20 @@ def tight_fit(model: HeadModel, capture: Capture) -> HeadFit:
 
 def landmark_fit(model: HeadModel, capture: Capture) -> HeadFit:
     """To the landmarks alone, as `shading_fit` starts."""
-    problem = LandmarkProblem(model, capture.landmarks, capture.camera, image=capture.image)
+    problem = LandmarkProblem(
+        model, capture.landmarks, capture.camera, LandmarkFit(), image=capture.image
+    )
     return problem.solve(_closed(capture))
 
 
 def shading_fit(model: HeadModel, capture: Capture) -> HeadFit:
     """What `unlit reconstruct` does."""
-    problem = LandmarkProblem(model, capture.landmarks, capture.camera, image=capture.image)
+    problem = LandmarkProblem(
+        model, capture.landmarks, capture.camera, LandmarkFit(), image=capture.image
+    )
     closed = _closed(capture)
     fit = problem.solve(closed)
-    return photometric_fit(problem, fit, capture.image, capture.regions, mouth_closed=closed)
+    return photometric_fit(problem, fit, capture.image, capture.regions, ShadingFit(), closed)
 
 
 FITTERS: dict[str, Fitter] = {

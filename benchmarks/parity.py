@@ -28,7 +28,7 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 # isort: split
 import drjit as dr
 
-from unlit.head.model import default_model
+from unlit.head.sources.library import default_model
 from unlit.machine.runtime import mitsuba
 from unlit.render.bounce import Bounce
 from unlit.render.reference import path_trace

@@ -25,7 +25,7 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 # isort: split
 import drjit as dr
 
-from unlit.head.model import default_model
+from unlit.head.sources.library import default_model
 from unlit.machine.runtime import mitsuba
 from unlit.optimize.problem import Evidence, Problem
 from unlit.optimize.stages import run_stages
@@ -62,7 +62,7 @@ def evidence(vertices: np.ndarray, triangles: np.ndarray, camera: Camera, maps: 
     image = composed(maps, pixel, e, s)
     model = default_model()
     marks = model.landmarks(vertices)
-    known = model.landmark_triangle >= 0
+    known = model.landmark_points.triangle >= 0
     size = camera.height, camera.width
     seen = np.zeros(size, dtype=bool)
     seen.ravel()[pixel] = True
@@ -80,8 +80,8 @@ def evidence(vertices: np.ndarray, triangles: np.ndarray, camera: Camera, maps: 
         vertices=vertices,
         triangles=triangles,
         landmarks=camera.project(np.where(known[:, None], marks, -1.0)),
-        landmark_triangle=model.landmark_triangle,
-        landmark_barycentric=model.landmark_barycentric,
+        landmark_triangle=model.landmark_points.triangle,
+        landmark_barycentric=model.landmark_points.barycentric,
         landmark_weight=known.astype(np.float32),
     )
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -21,8 +20,10 @@ from scipy.spatial.transform import Rotation
 from unlit.color import encode_srgb
 from unlit.evaluate.subject import SKINS, Features, Subject, paint
 from unlit.head.eyelids import eyeballs
-from unlit.head.landmark_error import FILE, learn
-from unlit.head.model import LANDMARKS, HeadModel, default_model
+from unlit.head.landmark_error import FILE
+from unlit.head.learn.landmark_error import learn
+from unlit.head.model import LANDMARKS, HeadModel
+from unlit.head.sources.library import default_model
 from unlit.perception.landmarks import find_faces
 from unlit.perception.topology import LEFT_EYEBROW, LIPS_INNER, LIPS_OUTER, RIGHT_EYEBROW
 from unlit.scene.camera import Camera
@@ -71,7 +72,7 @@ def examples(model: HeadModel, seed: int) -> Iterator[Example]:
             moved = (faces[0].landmarks[:, :2] - true) * (distance / camera.focal)
             cos, sin = np.cos(roll), np.sin(roll)
             error = moved @ np.array([[cos, sin], [-sin, cos]])
-            error[model.landmark_triangle < 0] = 0
+            error[model.landmark_points.triangle < 0] = 0
             yield Example(error, yaw, pitch)
 
 
@@ -145,9 +146,8 @@ def main(heads: int = _HEADS) -> None:
         np.array([x.pitch for x in found]),
         partners(model),
     )
-    path = Path(__file__).parents[1] / "src/unlit/head" / FILE
-    np.savez_compressed(path, mean=error.mean.astype(np.float16))
-    print(f"{path}: {len(found)} photos of {heads} heads")
+    np.savez_compressed(FILE, mean=error.mean.astype(np.float16))
+    print(f"{FILE}: {len(found)} photos of {heads} heads")
 
 
 if __name__ == "__main__":

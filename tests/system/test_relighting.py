@@ -21,7 +21,7 @@ def test_flash_to_uniform(shared: Path, skin: str, true_mesh: bool, bar: float) 
     The bars are below what the whole schedule reaches (docs/method.md), for the preset is short.
     """
     from ict import ict_subject
-    from unlit.head.model import default_model
+    from unlit.head.sources.library import default_model
     from unlit.pipeline.chain import Head, fitted_head, observe, solve
 
     subject = ict_subject(shared, skin, seed=1, size=256)

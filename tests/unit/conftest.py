@@ -3,7 +3,8 @@
 import pytest
 
 from unlit.errors import ModelError
-from unlit.head.model import HeadModel, default_model
+from unlit.head.model import HeadModel
+from unlit.head.sources.library import default_model
 
 
 @pytest.fixture(scope="session")

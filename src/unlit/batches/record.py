@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from ..head.library import DEFAULT, model_file
+from ..head.files import DEFAULT, model_file
 
 #: Version of the file.
 FORMAT = 1

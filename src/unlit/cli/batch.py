@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     from ..batches.photos import find_photos
     from ..batches.run import run_batch
     from ..batches.store import Store
-    from ..head.library import head_model
+    from ..head.sources.library import head_model
     from .batch_console import BatchConsole
 
     settings, folder = settings_of(options), options.output

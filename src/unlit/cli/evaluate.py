@@ -52,7 +52,7 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     settings = settings_of(options)
     from ..evaluate import command
-    from ..head.library import head_model
+    from ..head.sources.library import head_model
     from ..machine import cost
     from ..progress.console import StudyConsole
 

@@ -62,9 +62,9 @@ def run(options: argparse.Namespace) -> int:
         print(f"  {status.problem + optional if status.problem else f'verified: {status.path}'}")
         if options.action == "verify":
             print(f"  sha256 {entry.sha256}")
-    from ..head import library
+    from ..head.files import added
 
-    for name, path in library.added().items():
+    for name, path in added().items():
         print(f"{name}  head model, for --model {name}\n  {path}")
     if any(status.problem for status in found):
         print("`unlit models fetch` gets what is missing.")
@@ -76,7 +76,7 @@ def _add(name: str | None, folder: str | None) -> int:
     """Make a head model of the files in `folder`."""
     if name is None or folder is None:
         raise SettingsError("name the model and its files, as in: unlit models add ict FOLDER")
-    from ..head import library
+    from ..head.sources import library
     from ..progress.console import StepConsole
 
     with StepConsole() as progress:

@@ -109,7 +109,7 @@ def reconstruct_into(
     with reserve(folder, RESULT_FILES, needed_bytes(settings.resolution)) as preview:
         photo = read()
         models.fetch("reconstruct")
-        from ..head.library import head_model
+        from ..head.sources.library import head_model
         from ..optimize.checkpoint import Checkpoint
         from ..pipeline.chain import reconstruct
 

@@ -10,7 +10,7 @@ from ..face.conditions import Conditions
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
 from ..optimize.observation import observation
-from ..perception.skin import upwards
+from ..perception.measures import upwards
 from ..perception.topology import NOSE_BASE
 from ..photo.photo import Photo
 from ..settings.settings import Settings

@@ -19,8 +19,8 @@ from ..color import encode_srgb
 from ..errors import SubjectError
 from ..face.head import FittedHead
 from ..face.reconstruction import Reconstruction
-from ..head.library import head_model, model_key
 from ..head.model import HeadModel
+from ..head.sources.library import head_model, model_key
 from ..optimize.problem import Progress
 from ..optimize.run_record import RunRecord
 from ..photo.photo import Photo

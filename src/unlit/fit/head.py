@@ -8,7 +8,6 @@ from ..face.face import PosedMesh
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
 from ..head.model import HeadModel
-from ..scene.surface_points import SurfacePoints
 from ..settings.settings import Settings
 from .landmarks import LandmarkProblem
 from .shading import photometric_fit
@@ -32,7 +31,7 @@ def fit_head(photo: FacePhoto, model: HeadModel, settings: Settings) -> FittedHe
     return FittedHead(
         PosedMesh(fit.vertices, model.triangles, model.uv, model.triangle_uv),
         fit.landmarks.astype("float32"),
-        SurfacePoints(model.landmark_triangle, model.landmark_barycentric),
+        model.landmark_points,
         fit.landmark_residual,
         f"{model.name}, {model.licence}",
     )

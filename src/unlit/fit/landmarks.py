@@ -99,24 +99,23 @@ class LandmarkProblem:
         model: HeadModel,
         landmarks: np.ndarray,
         camera: Camera,
-        settings: LandmarkFit | None = None,
+        settings: LandmarkFit,
         bias: LandmarkError | None = None,
         image: np.ndarray | None = None,
     ) -> None:
-        settings = settings or LandmarkFit()
         self.bias = bias or shipped_error()
         landmarks = np.asarray(landmarks, dtype=np.float64)
         if landmarks.shape != (LANDMARKS, 3) or not np.isfinite(landmarks).all():
             raise FaceError("the face's landmarks are not 478 finite points: use another photo")
         self.model, self.camera, self.settings = model, camera, settings
-        self.used = np.flatnonzero(model.landmark_triangle >= 0)
+        self.used = np.flatnonzero(model.landmark_points.triangle >= 0)
         if len(self.used) < 20:
             raise FaceError(f"the head model {model.name} carries too few landmarks to be fitted")
         self.landmarks = landmarks
         self.goal = landmarks[self.used, :2]
         self.pixel = camera.height / _STATED_RESOLUTION
-        corners = model.triangles[model.landmark_triangle[self.used]]
-        weights = model.landmark_barycentric[self.used]
+        corners = model.triangles[model.landmark_points.triangle[self.used]]
+        weights = model.landmark_points.barycentric[self.used]
 
         def carried(basis: np.ndarray) -> np.ndarray:
             return np.einsum("lc,blcx->blx", weights, basis[:, corners]).astype(np.float64)

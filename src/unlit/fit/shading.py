@@ -7,7 +7,7 @@ thousand pixels of plain skin, with the transport renderer's own shading and der
 
     encode(rho E(n) + rho_s S(n)) = encode(photo),      E, S linear in the light
 
-Landmarks and the model's prior take part as in head/fit.py. Neighbouring pixels err together, so
+Landmarks and the model's prior take part as in landmarks.py. Neighbouring pixels err together, so
 all of them count as few independent measurements. Derivatives hold the shadows where they are, so
 the descent starts from several turns of the head and the lowest cost decides. Where the light is
 so even that shading does not improve on the landmarks' mesh, that mesh is kept.
@@ -47,7 +47,7 @@ _BRIGHTEST = 0.97
 
 
 @dataclass(frozen=True)
-class _Look:
+class _Appearance:
     """Light (D + 1,): radiance of each cell, and of the face itself where it blocks a cell.
 
     albedo: (A,) coefficients of log albedo; gloss: log of the specular scale.
@@ -59,8 +59,13 @@ class _Look:
 
 
 @dataclass(frozen=True)
-class _View:
-    """The sampled pixels on the mesh of one state; arrays of N."""
+class _Sample:
+    """The mesh at `state`, and N of the pixels that show it.
+
+    local: (V, 3) vertices, model frame. pixel: (N,) row-major; triangle: (N,) seen there; weights:
+    (N, 3) barycentric; position: (N, 3) world, cm. normals: (S, S, 3) of all pixels, world, 0 off
+    the mesh. points: the pixels' for the renderer; scene: the mesh for its shadow rays.
+    """
 
     state: State
     local: np.ndarray
@@ -78,18 +83,20 @@ def photometric_fit(
     fit: HeadFit,
     image: np.ndarray,
     regions: Regions,
-    settings: ShadingFit | None = None,
-    mouth_closed: bool = False,
+    settings: ShadingFit,
+    mouth_closed: bool,
 ) -> HeadFit:
     """`fit` improved by the shading of `image`, or `fit` itself where shading says too little.
 
     problem: of the landmarks that `fit` was found from. image: (S, S, 3) linear sRGB, seen by the
     problem's camera. mouth_closed: as for `LandmarkProblem.solve`.
     """
-    return _Photometric(problem, image, regions, settings or ShadingFit()).run(fit, mouth_closed)
+    return _Photometric(problem, image, regions, settings).run(fit, mouth_closed)
 
 
 class _Photometric:
+    """The fit of one photo: what every step of the descent reads of it, and the steps."""
+
     def __init__(
         self,
         problem: LandmarkProblem,
@@ -99,13 +106,13 @@ class _Photometric:
     ) -> None:
         self.problem, self.settings = problem, settings
         self.model, self.camera = problem.model, problem.camera
-        self.unit = self.camera.height / _STATED_RESOLUTION
-        blur = settings.blur * self.unit
+        self.pixel = self.camera.height / _STATED_RESOLUTION
+        blur = settings.blur * self.pixel
         smooth: Any = ndimage.gaussian_filter(np.maximum(image, 1e-4), (blur, blur, 0))
         self.grey = smooth @ _GREY
         log = np.log(smooth)
         self.chroma = log[..., :2] - log[..., 1:]
-        reach = 2 * max(1, round(settings.margin * self.unit)) + 1
+        reach = 2 * max(1, round(settings.margin * self.pixel)) + 1
         bare = regions.skin + regions.lips > 0.9
         bare &= smooth.max(axis=2) < _BRIGHTEST
         # A square's minimum, which unlike `binary_erosion` is taken axis by axis.
@@ -138,20 +145,20 @@ class _Photometric:
                 best, lowest = end
         return fit if best is None else self.problem.fit(best, mouth_closed)
 
-    def begin(self, state: State) -> tuple[_View, _Look, float] | None:
-        """The view of `state`, its light on cells as fine as needed, and the photometric cost."""
+    def begin(self, state: State) -> tuple[_Sample, _Appearance, float] | None:
+        """The sample of `state`, its light on cells as fine as needed, and the photometric cost."""
         self.cells = grid_cells(self.settings.cells, 2 * self.settings.cells)
-        view = self.view(state)
-        return None if view is None else (view, *self.solve_light(view, None))
+        sample = self.sample(state)
+        return None if sample is None else (sample, *self.solve_light(sample, None))
 
-    def descend(self, view: _View, look: _Look) -> tuple[State, float] | None:
+    def descend(self, sample: _Sample, appearance: _Appearance) -> tuple[State, float] | None:
         """Where the steps from a start lead, and the cost there; None where no skin is seen."""
         for _ in range(self.settings.joint_steps):
-            state, look = self.joint_step(view, look)
-            if (seen := self.view(state)) is None:
+            state, appearance = self.joint_step(sample, appearance)
+            if (seen := self.sample(state)) is None:
                 return None
-            view = seen
-        return view.state, self.cost(view.state, self.solve_light(view, look)[1])
+            sample = seen
+        return sample.state, self.cost(sample.state, self.solve_light(sample, appearance)[1])
 
     def cost(self, state: State, photometric: float) -> float:
         """All that is minimised: `photometric`, the landmarks' cost and the prior's."""
@@ -165,7 +172,7 @@ class _Photometric:
         precision[6 : 6 + len(state.identity)] *= self.settings.identity_weight
         return precision, current, low, high
 
-    def view(self, state: State) -> _View | None:
+    def sample(self, state: State) -> _Sample | None:
         """The mesh at `state` and an even sample of the plain skin it shows; None without any."""
         local = self.model.vertices(state.identity, state.expression)
         world = (local @ state.rotation.T + state.translation).astype(np.float32)
@@ -192,7 +199,7 @@ class _Photometric:
         roughness = dr.full(mi.Float, ROUGHNESS["skin"], count)
         dr.eval(position, n, geometric)
         weights = surface_weights(camera, hits, mesh.vertices, mesh.triangles)[1]
-        return _View(
+        return _Sample(
             state,
             local,
             pixel,
@@ -207,7 +214,7 @@ class _Photometric:
     def albedo_columns(self, pixel: np.ndarray) -> np.ndarray:
         """Log albedo's derivatives (N, A): bilinear weights of the grid, chromaticity, lips."""
         xy = np.stack([pixel % self.camera.width, pixel // self.camera.width], axis=1) + 0.5
-        place = np.clip(xy / (self.unit * self.settings.spacing) - 0.5, 0, self.grid - 1.001)
+        place = np.clip(xy / (self.pixel * self.settings.spacing) - 0.5, 0, self.grid - 1.001)
         low = place.astype(np.int64)
         part = place - low
         columns = np.zeros((len(pixel), self.grid**2))
@@ -220,83 +227,87 @@ class _Photometric:
         chroma = chroma[pixel] - np.median(chroma[self.bare.ravel()], axis=0)
         return np.concatenate([columns, chroma, self.lips.ravel()[pixel, None]], axis=1)
 
-    def solve_light(self, view: _View, look: _Look | None) -> tuple[_Look, float]:
-        """Light, albedo and gloss solved for on the mesh of `view`; the photometric cost."""
-        steps = self.settings.light_steps if look is None else 2
+    def solve_light(
+        self, sample: _Sample, appearance: _Appearance | None
+    ) -> tuple[_Appearance, float]:
+        """Light, albedo and gloss solved for on the mesh of `sample`; the photometric cost."""
+        steps = self.settings.light_steps if appearance is None else 2
         system = None
         for step in range(steps):
             if system is None:
-                system = _System(self, view)
-            if look is None:
-                look = system.start()
-            matrix, gradient = system.equations(look, None)[:2]
-            look = system.solve(look, matrix, gradient)[0]
-            if step < steps - 2 and (finer := self.finer(look)) is not look:
-                look, system = finer, None
-        assert system is not None and look is not None
-        return look, system.equations(look, None)[2]
+                system = _System(self, sample)
+            if appearance is None:
+                appearance = system.start()
+            matrix, gradient = system.equations(appearance, None)[:2]
+            appearance = system.solve(appearance, matrix, gradient)[0]
+            if step < steps - 2 and (finer := self.finer(appearance)) is not appearance:
+                appearance, system = finer, None
+        assert system is not None and appearance is not None
+        return appearance, system.equations(appearance, None)[2]
 
-    def direction(self, look: _Look) -> float:
+    def direction(self, appearance: _Appearance) -> float:
         """Length of the light's mean direction: 0 for an even light, 1 for a single lamp."""
-        mean = look.light[:-1] @ self.cells.moment
-        return float(np.linalg.norm(mean) / max(look.light[:-1] @ self.cells.solid_angle, 1e-12))
+        mean = appearance.light[:-1] @ self.cells.moment
+        return float(
+            np.linalg.norm(mean) / max(appearance.light[:-1] @ self.cells.solid_angle, 1e-12)
+        )
 
-    def finer(self, look: _Look) -> _Look:
+    def finer(self, appearance: _Appearance) -> _Appearance:
         """The same light on cells cut in four where they hold much of it."""
-        light = look.light[:-1]
+        light = appearance.light[:-1]
         flux = light * self.cells.solid_angle
         height = np.degrees(np.diff(self.cells.theta, axis=1)[:, 0])
         which = (flux > self.settings.split * flux.sum()) & (height > self.settings.finest)
         if not which.any():
-            return look
+            return appearance
         self.cells = self.cells.split(which)
-        light = np.concatenate([light[~which], np.tile(light[which], 4), look.light[-1:]])
-        return replace(look, light=light)
+        light = np.concatenate([light[~which], np.tile(light[which], 4), appearance.light[-1:]])
+        return replace(appearance, light=light)
 
-    def joint_step(self, view: _View, look: _Look) -> tuple[State, _Look]:
+    def joint_step(self, sample: _Sample, appearance: _Appearance) -> tuple[State, _Appearance]:
         """One damped Gauss-Newton step of everything."""
-        problem, state = self.problem, view.state
-        system = _System(self, view)
-        matrix, gradient, _ = system.equations(look, self.jacobian)
+        problem, state = self.problem, sample.state
+        system = _System(self, sample)
+        matrix, gradient, _ = system.equations(appearance, self.jacobian)
         first = len(matrix) - 6 - len(problem.basis)
         of_landmarks = problem.equations(state)
         precision, current, low, high = self.prior(state)
         matrix[first:, first:] += of_landmarks[0] + np.diag(precision)
         gradient[first:] += of_landmarks[1] + precision * current
-        look, move = system.solve(look, matrix, gradient, low, high)
-        return state.moved(move), look
+        appearance, move = system.solve(appearance, matrix, gradient, low, high)
+        return state.moved(move), appearance
 
 
 class _System:
-    """The normal equations of one view: light, albedo, gloss, then pose and shape."""
+    """The normal equations of one sample: light, albedo, gloss, then pose and shape."""
 
-    def __init__(self, owner: _Photometric, view: _View) -> None:
-        self.settings, self.view, self.cells = owner.settings, view, owner.cells
+    def __init__(self, owner: _Photometric, sample: _Sample) -> None:
+        self.settings, self.sample, self.cells = owner.settings, sample, owner.cells
         directions = Directions(owner.cells)
-        bits = visibility(view.scene, view.points, directions)
+        bits = visibility(sample.scene, sample.points, directions)
         self.quadrature = (directions, bits)
-        diffuse, specular = transport_rows(view.points, directions, bits)
+        diffuse, specular = transport_rows(sample.points, directions, bits)
         # Where the face hides the light it sends its own: one more source, the same everywhere.
         hidden = np.maximum(1 - diffuse.sum(axis=1, keepdims=True), 0)
         self.diffuse = np.concatenate([diffuse, hidden], axis=1)
         self.specular = np.concatenate([specular, np.zeros_like(hidden)], axis=1)
-        self.grey = owner.grey.ravel()[view.pixel]
-        self.columns = owner.albedo_columns(view.pixel)
+        self.grey = owner.grey.ravel()[sample.pixel]
+        self.columns = owner.albedo_columns(sample.pixel)
 
-    def start(self) -> _Look:
+    def start(self) -> _Appearance:
         """An even light and albedo that give the median value."""
         level = np.median(self.grey) / np.median(self.diffuse.sum(axis=1)) / _ALBEDO
         light = np.append(np.full(len(self.cells), level), _ALBEDO * level)
-        return _Look(light, np.zeros(self.columns.shape[1]), 0.0)
+        return _Appearance(light, np.zeros(self.columns.shape[1]), 0.0)
 
     def equations(
-        self, look: _Look, shape: ShapeJacobian | None
+        self, appearance: _Appearance, shape: ShapeJacobian | None
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """Matrix, gradient and cost at `look`, prior included; with pose and shape if given."""
-        settings, view = self.settings, self.view
-        rho = _ALBEDO * np.exp(self.columns @ look.albedo)
-        rho_s = _SPECULAR * np.exp(look.gloss)
-        e, s = self.diffuse @ look.light, self.specular @ look.light
+        """Matrix, gradient and cost, prior included; with pose and shape if `shape` is given."""
+        settings, sample = self.settings, self.sample
+        rho = _ALBEDO * np.exp(self.columns @ appearance.albedo)
+        rho_s = _SPECULAR * np.exp(appearance.gloss)
+        e, s = self.diffuse @ appearance.light, self.specular @ appearance.light
         value = np.maximum(rho * e + rho_s * s, 1e-5)
         encoded = value ** (1 / _GAMMA)
         slope = encoded / (_GAMMA * value)
@@ -307,18 +318,20 @@ class _System:
             (slope * rho_s * s)[:, None],
         ]
         if shape is not None:
-            about = linearize(view.points, *self.quadrature, look.light[:-1].astype(np.float32))
+            about = linearize(
+                sample.points, *self.quadrature, appearance.light[:-1].astype(np.float32)
+            )
             gradient = rho[:, None] * about.diffuse_gradient.numpy().T
             gradient += rho_s * about.specular_gradient.numpy().T
             rows = shape.rows(
-                view.state,
-                view.local,
-                view.pixel,
-                view.triangle,
-                view.weights,
-                view.position,
+                sample.state,
+                sample.local,
+                sample.pixel,
+                sample.triangle,
+                sample.weights,
+                sample.position,
                 gradient,
-                view.normals,
+                sample.normals,
             )
             blocks.append(slope[:, None] * rows)
         jacobian = np.concatenate(blocks, axis=1)
@@ -327,7 +340,7 @@ class _System:
         weight = each * np.minimum(1, settings.huber / np.maximum(size, 1e-9))
         matrix = (jacobian * weight[:, None]).T @ jacobian
         gradient = jacobian.T @ (weight * error)
-        precision, away = self._prior(look)
+        precision, away = self._prior(appearance)
         diagonal = np.arange(len(precision))
         matrix[diagonal, diagonal] += precision
         gradient[: len(precision)] += precision * away
@@ -336,37 +349,39 @@ class _System:
         cost += 0.5 * np.sum(precision * away**2)
         return matrix, gradient, float(cost)
 
-    def _prior(self, look: _Look) -> tuple[np.ndarray, np.ndarray]:
+    def _prior(self, appearance: _Appearance) -> tuple[np.ndarray, np.ndarray]:
         """Precision of light, albedo and gloss, and their distance from what is likeliest."""
         settings = self.settings
         area = self.cells.solid_angle / self.cells.solid_angle.mean()
-        mean = np.average(look.light[:-1], weights=area)
+        mean = np.average(appearance.light[:-1], weights=area)
         likely = np.append(np.full(len(area), mean), _ALBEDO * mean)
         light = np.append(settings.evenness * area, _ALBEDO**-2) / mean**2
-        albedo = np.full(len(look.albedo), settings.albedo_deviation**-2)
+        albedo = np.full(len(appearance.albedo), settings.albedo_deviation**-2)
         albedo[-3:] = (settings.colour_deviation**-2, settings.colour_deviation**-2, 1.0)
         precision = np.concatenate([light, albedo, [4.0]])
-        return precision, np.concatenate([look.light - likely, look.albedo, [look.gloss]])
+        return precision, np.concatenate(
+            [appearance.light - likely, appearance.albedo, [appearance.gloss]]
+        )
 
     def solve(
         self,
-        look: _Look,
+        appearance: _Appearance,
         matrix: np.ndarray,
         gradient: np.ndarray,
         low: np.ndarray | None = None,
         high: np.ndarray | None = None,
-    ) -> tuple[_Look, np.ndarray]:
-        """The new look and the rest of the step, within the bounds (of the rest)."""
-        count, own = len(look.light), len(look.light) + len(look.albedo) + 1
+    ) -> tuple[_Appearance, np.ndarray]:
+        """The new appearance and the rest of the step, within the bounds (of the rest)."""
+        count, own = len(appearance.light), len(appearance.light) + len(appearance.albedo) + 1
         lowest, highest = np.full(len(matrix), -np.inf), np.full(len(matrix), np.inf)
-        lowest[:count] = -look.light
+        lowest[:count] = -appearance.light
         if low is not None and high is not None:
             lowest[own:], highest[own:] = low, high
         damped = matrix + self.settings.damping * np.diag(np.diag(matrix))
         move = bounded_solve(damped, -gradient, lowest, highest)
-        look = _Look(
-            np.maximum(look.light + move[:count], 0),
-            look.albedo + move[count : own - 1],
-            float(look.gloss + move[own - 1]),
+        appearance = _Appearance(
+            np.maximum(appearance.light + move[:count], 0),
+            appearance.albedo + move[count : own - 1],
+            float(appearance.gloss + move[own - 1]),
         )
-        return look, move[own:]
+        return appearance, move[own:]

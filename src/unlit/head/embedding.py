@@ -9,25 +9,24 @@ hair and fall through the opening; they are moved onto it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from skimage.measure import points_in_poly
 
+from ..color import encode_srgb
 from ..errors import ModelError
 from ..machine.runtime import mitsuba
-from ..perception.topology import LEFT_EYE, LEFT_EYEBROW, LIPS_INNER, RIGHT_EYE, RIGHT_EYEBROW
+from ..perception.landmarks import find_faces
+from ..perception.topology import LEFT_EYE, LIPS_INNER, RIGHT_EYE
 from ..scene.camera import Camera
-from .model import LANDMARKS, VERTEX_REGIONS, HeadModel
+from ..scene.surface_points import SurfacePoints
+from .eyebrows import eyebrow_vertices
+from .model import VERTEX_REGIONS
 
 # The inner rim of the lips: upper and lower points across the opening, without the corners.
 _LIP_PAIRS = tuple(zip(LIPS_INNER[1:10], LIPS_INNER[:10:-1], strict=True))
 
-_FILE = "makehuman_landmarks.npz"
 _RESOLUTION = 640
 _DISTANCE = 100.0
 # Linear reflectance of skin for each picture, and the width of the view in cm.
@@ -38,48 +37,9 @@ _IRIS_RADIUS = 0.6
 _PUPIL_RADIUS = 0.22
 
 
-@dataclass(frozen=True)
-class Embedding:
-    """triangle: (478,) int32, -1 = none.  barycentric: (478, 3) float32."""
-
-    triangle: np.ndarray
-    barycentric: np.ndarray
-
-    @staticmethod
-    def empty() -> Embedding:
-        """No landmark is carried by any triangle."""
-        return Embedding(
-            np.full(LANDMARKS, -1, dtype=np.int32), np.zeros((LANDMARKS, 3), dtype=np.float32)
-        )
-
-    def points(self, vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-        """The landmarks (478, 3) on a mesh; NaN where there is none."""
-        points = np.einsum("lc,lcx->lx", self.barycentric, vertices[triangles[self.triangle]])
-        points[self.triangle < 0] = np.nan
-        return points
-
-
-def eyebrow_vertices(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """Which vertices (V,) lie inside an eyebrow's outline of landmarks (478, 3), seen frontally."""
-    inside = np.zeros(len(vertices), dtype=bool)
-    for outline in (RIGHT_EYEBROW, LEFT_EYEBROW):
-        polygon = points[list(outline)]
-        if np.isfinite(polygon).all():
-            near = np.abs(vertices[:, 2] - polygon[:, 2].mean()) < 3
-            inside |= near & points_in_poly(vertices[:, :2], polygon[:, :2])
-    return inside
-
-
-def shipped_embedding() -> Embedding:
-    """The embedding on the MakeHuman head that comes with the package; `main` makes it."""
-    file = resources.files("unlit.head").joinpath(_FILE)
-    with file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-        return Embedding(arrays["triangle"], arrays["barycentric"])
-
-
 def embed_landmarks(
     vertices: np.ndarray, triangles: np.ndarray, region: np.ndarray, symmetric: bool
-) -> Embedding:
+) -> SurfacePoints:
     """Find the landmarks on a frontal head in the model frame (model.py).
 
     region: (V,) index into VERTEX_REGIONS; lips and eyes are painted by it.
@@ -97,7 +57,7 @@ def embed_landmarks(
         _move_to_lid_rim(caster, points, list(rim), opening)
     _move_to_lip_rim(caster, points)
     triangle, barycentric, _ = caster.cast(points[:, :2])
-    return Embedding(triangle, barycentric)
+    return SurfacePoints(triangle, barycentric)
 
 
 class _Caster:
@@ -144,8 +104,6 @@ def _look(
     known: np.ndarray | None,
 ) -> np.ndarray:
     """Mean landmarks (478, 3), model frame, over the pictures; NaN where the rays miss."""
-    from ..perception.landmarks import find_faces
-
     seen = []
     for skin in _SKINS:
         colours = _paint(vertices, region, np.array(skin), known)
@@ -188,8 +146,6 @@ def _picture(
     vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, width: float
 ) -> tuple[np.ndarray, Camera, np.ndarray]:
     """sRGB picture (N, N, 3) uint8, its camera, and the vector from its frame to the model's."""
-    from ..color import encode_srgb
-
     mi = mitsuba()
     half = _RESOLUTION / 2
     camera = Camera(_RESOLUTION, _RESOLUTION, _RESOLUTION * _DISTANCE / width, half, half)
@@ -271,19 +227,3 @@ def _move_to_lip_rim(caster: _Caster, points: np.ndarray) -> None:
         if len(inside) and inside[-1] < 400:
             points[corner] = hits[inside[-1] + 1]
             points[corner, :2] = path[inside[-1] + 1]
-
-
-def main() -> None:
-    """Make the embedding that is shipped for the MakeHuman head anew."""
-    from ..machine.assets import asset
-    from .sources.makehuman import ASSET, build
-
-    model: HeadModel = build(asset(ASSET), bare=True)
-    found = embed_landmarks(model.neutral, model.triangles, model.vertex_region, symmetric=True)
-    path = Path(__file__).with_name(_FILE)
-    np.savez_compressed(path, triangle=found.triangle, barycentric=found.barycentric)
-    print(f"{path}: {(found.triangle >= 0).sum()} of {LANDMARKS} landmarks lie on the head")
-
-
-if __name__ == "__main__":
-    main()

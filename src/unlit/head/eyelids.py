@@ -28,7 +28,7 @@ def eyeballs(model: HeadModel) -> list[np.ndarray]:
     count = len(model.neutral)
     graph = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
     piece = connected_components(graph, directed=False)[1]
-    carriers = [model.landmark_triangle[iris] for iris in _IRISES]
+    carriers = [model.landmark_points.triangle[iris] for iris in _IRISES]
     balls = [piece == piece[model.triangles[carrier, 0]] for carrier in carriers if carrier >= 0]
     return [ball for ball in balls if _sphere(model.neutral[ball])[1] < _LARGEST_RADIUS]
 

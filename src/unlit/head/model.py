@@ -2,20 +2,21 @@
 
     S = S0 + B_id a + B_exp b
 
-Nothing here knows where a model comes from: MakeHuman is one source among others.
+Where models come from: `sources`.
 """
 
 from __future__ import annotations
 
 import os
 import zipfile
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..errors import ModelError
+from ..scene.surface_points import SurfacePoints
 from ..storage.npy import DAMAGED, read_header, reason
 
 VERTEX_REGIONS = ("skin", "lips", "eyes", "eyebrows", "mouth", "scalp", "neck", "ears")
@@ -44,8 +45,8 @@ class HeadModel:
     triangles: (F, 3) int32 into the vertices, counter-clockwise seen from outside.
     uv: (T, 2) float32 texture coordinates, v up.
     triangle_uv: (F, 3) int32 into uv.
-    landmark_triangle: (478,) int32, the triangle that carries each landmark, -1 where none does.
-    landmark_barycentric: (478, 3) float32, weights of that triangle's corners, summing to 1.
+    landmark_points: where the 478 landmarks lie on the mesh; in a file the two arrays
+        `landmark_triangle` and `landmark_barycentric`.
     vertex_region: (V,) uint8 index into VERTEX_REGIONS.
 
     Raises ModelError, naming the field, when the arrays do not fit together.
@@ -61,16 +62,23 @@ class HeadModel:
     triangles: np.ndarray
     uv: np.ndarray
     triangle_uv: np.ndarray
-    landmark_triangle: np.ndarray
-    landmark_barycentric: np.ndarray
+    landmark_points: SurfacePoints
     vertex_region: np.ndarray
 
     def __post_init__(self) -> None:
-        _validate(self)
-        for field in fields(self):
-            value = getattr(self, field.name)
+        content = self.content()
+        _validate(content)
+        for value in content.values():
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
+
+    def content(self) -> dict[str, Any]:
+        """What a file holds of the model, by its names there."""
+        content = {field.name: getattr(self, field.name) for field in fields(self)}
+        points: SurfacePoints = content.pop("landmark_points")
+        content["landmark_triangle"] = points.triangle
+        content["landmark_barycentric"] = points.barycentric
+        return content
 
     def vertices(self, identity: np.ndarray, expression: np.ndarray) -> np.ndarray:
         """Vertices (V, 3), float32, model frame, of identity (I,) and expression (E,)."""
@@ -81,17 +89,13 @@ class HeadModel:
 
     def landmarks(self, vertices: np.ndarray) -> np.ndarray:
         """Landmark points (478, 3) on `vertices` (V, 3), any frame; NaN where there is none."""
-        corners = vertices[self.triangles[self.landmark_triangle]]
-        points = np.einsum("lc,lcx->lx", self.landmark_barycentric, corners)
-        points[self.landmark_triangle < 0] = np.nan
-        return points
+        return self.landmark_points.on(vertices, self.triangles)
 
     def save(self, path: str | Path) -> None:
         """Write the documented .npz, replacing `path` only once it is complete."""
         path = Path(path)
         part = path.with_name(f"{path.name}.{os.getpid()}.part")  # others may build it, too
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        values |= {"format": FORMAT, "version": FORMAT_VERSION}
+        values = self.content() | {"format": FORMAT, "version": FORMAT_VERSION}
         try:
             with zipfile.ZipFile(part, "w") as archive:
                 for name, value in values.items():
@@ -119,23 +123,24 @@ class HeadModel:
                 f"{path}: head model format version {version} is not supported; "
                 f"convert it to version {FORMAT_VERSION}"
             )
-        values = {}
-        for field in fields(HeadModel):
-            if field.name not in arrays:
-                raise ModelError(f"{path}: field '{field.name}' is missing from the head model")
-            values[field.name] = _CONVERT.get(field.name, lambda array: array)(arrays[field.name])
         try:
-            return HeadModel(**values)
+            return _of_arrays(arrays)
         except ModelError as error:
             raise ModelError(f"{path}: {error}") from None
 
 
-_CONVERT: dict[str, Callable[[np.ndarray], object]] = {
-    "name": str,
-    "licence": str,
-    "origin": str,
-    "expression_names": lambda array: tuple(str(name) for name in np.atleast_1d(array)),
-}
+def _of_arrays(arrays: dict[str, np.ndarray]) -> HeadModel:
+    """The model of a file's arrays. Raises ModelError that names the field."""
+    values: dict[str, Any] = dict(arrays)
+    try:
+        values |= {text: str(values[text]) for text in ("name", "licence", "origin")}
+        names = np.atleast_1d(values["expression_names"])
+        values["expression_names"] = tuple(str(name) for name in names)
+        points = SurfacePoints(values["landmark_triangle"], values["landmark_barycentric"])
+        values["landmark_points"] = points
+        return HeadModel(**{field.name: values[field.name] for field in fields(HeadModel)})
+    except KeyError as error:
+        raise ModelError(f"field {error} is missing from the head model") from None
 
 
 def _read_npz(path: Path) -> dict[str, np.ndarray]:
@@ -159,7 +164,7 @@ def _read_npz(path: Path) -> dict[str, np.ndarray]:
     return arrays
 
 
-def _validate(model: HeadModel) -> None:
+def _validate(content: dict[str, Any]) -> None:
     """Raise ModelError at the first field whose type, shape or values are wrong."""
 
     def check(condition: object, field: str, problem: str) -> None:
@@ -167,7 +172,7 @@ def _validate(model: HeadModel) -> None:
             raise ModelError(f"head model field '{field}' {problem}")
 
     def array(field: str, kind: str, *shape: int | None) -> np.ndarray:
-        value = getattr(model, field)
+        value = content[field]
         check(isinstance(value, np.ndarray) and value.dtype == kind, field, f"must be {kind}")
         fits = value.ndim == len(shape) and all(
             want is None or have == want for have, want in zip(value.shape, shape, strict=True)
@@ -185,13 +190,13 @@ def _validate(model: HeadModel) -> None:
         return value
 
     for field in ("name", "licence", "origin"):
-        text = getattr(model, field)
+        text = content[field]
         check(isinstance(text, str) and text.isprintable(), field, "must be one line of text")
     count = len(array("neutral", "float32", None, 3))
     check(3 <= count <= MAX_VERTICES, "neutral", f"has {count} vertices, at most {MAX_VERTICES}")
     array("identity", "float32", None, count, 3)
     units = len(array("expression", "float32", None, count, 3))
-    names = model.expression_names
+    names = content["expression_names"]
     check(
         isinstance(names, tuple) and len(names) == len(set(names)) == units,
         "expression_names",
@@ -211,10 +216,3 @@ def _validate(model: HeadModel) -> None:
         "vertex_region",
         f"holds indices outside 0..{len(VERTEX_REGIONS) - 1}",
     )
-
-
-def default_model() -> HeadModel:
-    """The head model used when the user names none: MakeHuman's, built once and cached."""
-    from .sources.makehuman import cached_model
-
-    return cached_model()

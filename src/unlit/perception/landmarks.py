@@ -1,4 +1,4 @@
-"""Faces in a photo: 478 landmarks in three dimensions, 52 expression scores, head pose.
+"""Faces in a photo: 478 landmarks in three dimensions, 52 expression scores.
 
 Detector, landmark network (Attention Mesh, Grishchenko et al. 2020) and blendshape network are
 off the shelf; the paper's head model is fitted to such output (section 2.1 of the paper takes
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import FaceError
 from .detector import detections
-from .networks import BLENDSHAPES, LANDMARKS, canonical_face, network
+from .networks import BLENDSHAPES, LANDMARKS, network
 from .topology import BLENDSHAPE_LANDMARKS, BLENDSHAPE_NAMES, LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from .views import Pyramid, Square
 
@@ -46,24 +46,6 @@ class Face:
     blendshapes: dict[str, float]
     score: float
     box: Box
-
-    def pose(self) -> np.ndarray:
-        """Rotation (3, 3), float64, from the head's frame to the camera's, determinant 1.
-
-        Head frame: x towards the subject's left, y up, z out of the face. Camera frame: x right,
-        y up, z towards the camera. So the columns are the head's axes as the camera sees them,
-        and an upright frontal face has the identity. Weighted Procrustes fit of a canonical face
-        to the landmarks that hold still under expression; perspective is neglected, so a face
-        away from the optical axis has the pose relative to its own line of sight.
-        """
-        canonical, indices, weights = canonical_face()
-        weights = weights[:, None] / weights.sum()
-        model = canonical[indices]
-        seen = self.landmarks[indices].astype(np.float64) * (1, -1, -1)
-        model = model - (weights * model).sum(axis=0)
-        seen = seen - (weights * seen).sum(axis=0)
-        u, _, vt = np.linalg.svd((weights * seen).T @ model)
-        return u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
 
 
 def find_faces(rgb: np.ndarray) -> list[Face]:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from .contours import coverage, smooth_contour
-from .skin import colours, disk, face_size, smoothstep
+from .measures import colours, disk, face_size, smoothstep
 from .topology import LIP_GAP, LIPS_INNER, LIPS_OUTER
 
 # Mean gap over the mouth's width. Closed lips measured up to 0.016; wide open needs no evidence.

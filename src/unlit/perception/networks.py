@@ -1,9 +1,8 @@
 """The three networks of the face landmarker bundle, run with LiteRT on one thread.
 
 The bundle is a zip archive that holds three TFLite files (face detector, 478 landmarks, 52
-blendshapes) and a small protocol buffer with a canonical face for the head pose. It is read with
-`zipfile` and a wire-format reader of a few lines; nothing in it is executed or unpickled.
-One thread makes the results independent of the machine's core count.
+blendshapes), read with `zipfile`; nothing in it is executed or unpickled. One thread makes the
+results independent of the machine's core count.
 """
 
 from __future__ import annotations
@@ -25,7 +24,6 @@ BUNDLE = "face_landmarker.task"
 DETECTOR = "face_detector.tflite"
 LANDMARKS = "face_landmarks_detector.tflite"
 BLENDSHAPES = "face_blendshapes.tflite"
-CANONICAL_FACE = "geometry_pipeline_metadata_landmarks.binarypb"
 
 # The largest member is 2.6 MB; anything much larger is not the bundle we know.
 _MEMBER_BYTES = 16 << 20
@@ -89,54 +87,3 @@ class Network:
 def network(member: str) -> Network:
     """The network of that name in the bundle, loaded once per process."""
     return Network(member)
-
-
-@functools.cache
-def canonical_face() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Canonical face of the bundle: positions (468, 3), and the indices (K,) and weights (K,) of
-    the landmarks that hold still under expression.
-
-    Positions in centimetres: x towards the subject's left, y up, z out of the face.
-    """
-    positions = np.zeros((468, 3))
-    rigid: list[tuple[int, float]] = []
-    for field, value in _fields(read_member(CANONICAL_FACE)):
-        if field == 1 and isinstance(value, bytes):
-            vertices = [v for f, v in _fields(value) if f == 3]
-            # Five floats per vertex: position and texture coordinate.
-            positions = np.asarray(vertices, np.float64).reshape(468, 5)[:, :3]
-        elif field == 2 and isinstance(value, bytes):
-            entry = dict(_fields(value))
-            rigid.append((int(entry.get(1, 0)), float(entry[2])))
-    indices, weights = zip(*rigid, strict=True)
-    return positions, np.asarray(indices, np.int64), np.asarray(weights)
-
-
-def _fields(message: bytes) -> Iterator[tuple[int, int | float | bytes]]:
-    """Fields (number, value) of a protocol-buffer message, in order, nested ones as bytes."""
-    at = 0
-
-    def varint() -> int:
-        nonlocal at
-        value = shift = 0
-        while True:
-            byte = message[at]
-            at += 1
-            value |= (byte & 0x7F) << shift
-            shift += 7
-            if byte < 0x80:
-                return value
-
-    while at < len(message):
-        number, wire = divmod(varint(), 8)
-        if wire == 0:
-            yield number, varint()
-        elif wire == 2:
-            length = varint()
-            yield number, message[at : at + length]
-            at += length
-        elif wire == 5:
-            yield number, float(np.frombuffer(message, "<f4", 1, at)[0])
-            at += 4
-        else:
-            raise ModelError(f"{BUNDLE}: {CANONICAL_FACE} is damaged; delete the model file")

@@ -1,6 +1,6 @@
 """Regions of the face as soft masks: skin, lips, eyes, eyebrows, mouth interior, everything else.
 
-Lips, eyes, eyebrows and the mouth are the landmarks' contours; skin is what `visibility.py` leaves
+Lips, eyes, eyebrows and the mouth are the landmarks' contours; skin is what `skin.py` leaves
 of the rest of the face. Section 3.1 of the paper takes such a segmentation from a face parser; no
 parser with weights under a free licence was found.
 """
@@ -14,8 +14,9 @@ import numpy as np
 from ..errors import FaceError
 from .contours import coverage, feather, smooth_contour
 from .glasses import glasses_frames
+from .measures import face_size, smoothstep
 from .mouth import mouth_opening, relative_gap
-from .skin import face_size, smoothstep, visible_face
+from .skin import visible_face
 from .topology import (
     LEFT_EYE,
     LEFT_EYEBROW,

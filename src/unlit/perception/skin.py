@@ -1,4 +1,4 @@
-"""Which pixels of the face's outline show the face: hair and background are cut out.
+"""Skin or hair: which pixels of the face's outline show the face.
 
 A colour model of the skin is learnt from the cheeks and nose of this very face, one of its
 surroundings from a ring around it. Every pixel gets log-odds from the two models and from where
@@ -13,8 +13,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ..color import luminance
-from .contours import area, coverage, smooth_contour
+from .contours import coverage, smooth_contour
+from .measures import colours, dark_lines, disk, face_size, log_luminance, smoothstep, upwards
 from .topology import (
     CHIN,
     FACE_OVAL,
@@ -33,7 +33,6 @@ from .topology import (
 )
 
 _WORKING = 256  # resolution of the decision; a guided filter recovers hair edges
-_DARK = 0.004  # linear floor under the logarithms, against noise
 _COMPONENTS = 5
 _SEED = 7
 _MIN_SEEDS = 60
@@ -65,17 +64,6 @@ _FOREHEAD = 0.3  # how far above the landmarks' oval the hairline may lie, of th
 _INSET = 0.015  # of the face's size: landmarks on the silhouette are that uncertain
 
 
-def face_size(landmarks: np.ndarray) -> float:
-    """Square root of the area of the face oval, pixels: the yardstick of every margin."""
-    return float(np.sqrt(area(landmarks[list(FACE_OVAL)])))
-
-
-def upwards(landmarks: np.ndarray) -> np.ndarray:
-    """Unit vector (2,) from the chin to the hairline, pixels of landmarks (478, 2)."""
-    up = landmarks[HAIRLINE] - landmarks[CHIN]
-    return up / np.linalg.norm(up)
-
-
 def visible_face(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
     """Soft mask (S, S) float32 in [0, 1] of the face not covered by hair.
 
@@ -93,23 +81,6 @@ def visible_face(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
     mask = smoothstep(mask, 0.35, 0.85)
     _, raised = _outlines(landmarks)
     return (mask * coverage(_inset(raised, _INSET * size), resolution)).astype(np.float32)
-
-
-def smoothstep(values: np.ndarray | float, low: float, high: float) -> np.ndarray:
-    """0 below `low`, 1 above `high`, smooth between."""
-    t = np.clip((np.asarray(values) - low) / (high - low), 0, 1)
-    return t * t * (3 - 2 * t)
-
-
-def dark_lines(log_luminance: np.ndarray, size: float) -> np.ndarray:
-    """Depth (S, S), in log units, of dark structures narrower than 5 % of the face's size."""
-    log_luminance = log_luminance.astype(np.float32)
-    return cv2.morphologyEx(log_luminance, cv2.MORPH_CLOSE, disk(0.025 * size)) - log_luminance
-
-
-def log_luminance(image: np.ndarray) -> np.ndarray:
-    """Natural logarithm (S, S) of the luminance of linear sRGB, with a floor against noise."""
-    return np.log(np.maximum(luminance(image), 0) + _DARK)
 
 
 def _shrink(image: np.ndarray) -> np.ndarray:
@@ -185,12 +156,6 @@ def _decide(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
     odds[~outline] = -(_COLOUR_LIMIT + _PLACE_INSIDE)
     probability = _settle(odds, seen)
     return _tidy(probability, outline, seeds)
-
-
-def colours(image: np.ndarray) -> np.ndarray:
-    """(S, S, 3) float32: log(R/G), log(B/G) and log-luminance of linear sRGB."""
-    red, green, blue = np.moveaxis(np.log(np.maximum(image, 0) + _DARK), -1, 0)
-    return np.stack([red - green, blue - green, log_luminance(image)], axis=-1).astype(np.float32)
 
 
 class _Mixture:
@@ -280,12 +245,6 @@ def _inset(contour: np.ndarray, distance: float) -> np.ndarray:
     offset = contour - contour.mean(axis=0)
     length = np.linalg.norm(offset, axis=1, keepdims=True)
     return contour - offset * (distance / np.maximum(length, distance))
-
-
-def disk(radius: float) -> np.ndarray:
-    """Structuring element of that radius in pixels, at least 1."""
-    diameter = 2 * max(1, round(radius)) + 1
-    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (diameter, diameter))
 
 
 def _guided_filter(guide: np.ndarray, mask: np.ndarray, radius: int) -> np.ndarray:

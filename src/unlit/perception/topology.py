@@ -32,6 +32,12 @@ HAIRLINE, CHIN, NOSE_BASE = 10, 152, 2
 NOSE_RIDGE = (197, 419, 456, 420, 360, 275, 4, 45, 131, 198, 236, 196)
 # Down the bridge of the nose between the eyes, and down either side of it.
 BRIDGE_LINES = ((9, 8, 168, 6, 197, 195), (55, 193, 122, 196), (285, 417, 351, 419))
+# Of the 68 points of Multi-PIE (iBUG), those that are landmarks, too: corners of the eyes, nose,
+# lips, chin.
+MULTI_PIE_LANDMARKS = {
+    36: 33, 39: 133, 42: 362, 45: 263, 27: 168, 30: 4, 33: 2, 51: 0, 48: 61, 54: 291, 57: 17,
+    8: 152,
+}
 # Pairs (upper, lower) across the opening, between the corners.
 LIP_GAP = ((80, 88), (81, 178), (82, 87), (13, 14), (312, 317), (311, 402), (310, 318))
 RIGHT_LID_GAP = ((160, 144), (159, 145), (158, 153))

@@ -22,8 +22,8 @@ from ..face.head import FittedHead
 from ..face.photo import FacePhoto
 from ..face.reconstruction import Reconstruction
 from ..fit.head import fit_head
-from ..head.library import head_model, model_key
 from ..head.model import HeadModel
+from ..head.sources.library import head_model, model_key
 from ..optimize.checkpoint import Checkpoint
 from ..optimize.problem import Progress
 from ..optimize.run_record import RunRecord

@@ -44,10 +44,6 @@ class Maps:
         )
         return replace(self, diffuse_albedo=diffuse, specular_albedo=specular)
 
-    def without_specular(self) -> Maps:
-        """The same face with its specular lobe switched off."""
-        return replace(self, specular_albedo=np.zeros_like(self.specular_albedo))
-
 
 def kernel(sigma: float) -> np.ndarray:
     """Weights of a Gaussian of standard deviation `sigma` px, cut at 3 sigma, sum 1, float64."""

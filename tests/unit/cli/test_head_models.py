@@ -5,13 +5,15 @@ from pathlib import Path
 import pytest
 
 from unlit import cli
-from unlit.head import library
+from unlit.head import files
+from unlit.head.sources import library
 
 
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """No head model has been added."""
-    monkeypatch.setattr(library, "folder", lambda: tmp_path / "heads")
+    for module in (files, library):
+        monkeypatch.setattr(module, "models_folder", lambda: tmp_path / "heads")
     monkeypatch.delenv("UNLIT_MODELS", raising=False)
     return tmp_path
 

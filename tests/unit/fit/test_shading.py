@@ -14,7 +14,8 @@ from unlit.fit.landmarks import LandmarkProblem, State
 from unlit.fit.shading import photometric_fit
 from unlit.fit.shape_jacobian import ShapeJacobian
 from unlit.head.landmark_error import NO_ERROR
-from unlit.head.model import HeadModel, default_model
+from unlit.head.model import HeadModel
+from unlit.head.sources.library import default_model
 from unlit.machine.runtime import mitsuba
 from unlit.perception.regions import Regions
 from unlit.render.transport import Directions, Points, shade, visibility
@@ -23,7 +24,7 @@ from unlit.scene.camera import Camera
 from unlit.scene.cells import grid_cells, refine
 from unlit.scene.light import disc, uniform
 from unlit.scene.mesh import Mesh, surface, surface_weights
-from unlit.settings.fit import ShadingFit
+from unlit.settings.fit import LandmarkFit, ShadingFit
 
 mi = mitsuba()
 SIZE = 128
@@ -132,9 +133,9 @@ def test_shading_corrects_a_turn(head: HeadModel) -> None:
     state = truth(head, 15)
     image, regions = photograph(head, state, disc((0.5, 0.3, 0.8)))
     wrong = turned_away(state, -5)
-    problem = LandmarkProblem(head, seen(head, wrong), CAMERA, bias=NO_ERROR)
+    problem = LandmarkProblem(head, seen(head, wrong), CAMERA, LandmarkFit(), bias=NO_ERROR)
     fit = problem.fit(wrong, mouth_closed=False)
-    better = photometric_fit(problem, fit, image, regions)
+    better = photometric_fit(problem, fit, image, regions, ShadingFit(), False)
 
     def off(rotation: np.ndarray) -> float:
         return np.degrees(Rotation.from_matrix(rotation @ state.rotation.T).magnitude())
@@ -150,11 +151,13 @@ def test_several_starts_find_the_turn_of_a_face_half_in_shadow(head: HeadModel) 
     state = truth(head, -12)
     image, regions = photograph(head, state, disc((0.95, 0.1, 0.2)))
     wrong = turned_away(state, -12)
-    problem = LandmarkProblem(head, seen(head, wrong), CAMERA, bias=NO_ERROR, image=image)
+    problem = LandmarkProblem(
+        head, seen(head, wrong), CAMERA, LandmarkFit(), bias=NO_ERROR, image=image
+    )
     fit = problem.fit(wrong, mouth_closed=False)
 
     def off(settings: ShadingFit) -> float:
-        found = photometric_fit(problem, fit, image, regions, settings).rotation
+        found = photometric_fit(problem, fit, image, regions, settings, False).rotation
         return np.degrees(Rotation.from_matrix(found @ state.rotation.T).magnitude())
 
     assert off(ShadingFit()) < 3 < 6 < off(ShadingFit(turns=()))
@@ -164,17 +167,17 @@ def test_even_light_keeps_the_landmarks_mesh(head: HeadModel) -> None:
     """Under a uniform sky the very same fit comes back."""
     state = truth(head, 0)
     image, regions = photograph(head, state, uniform())
-    problem = LandmarkProblem(head, seen(head, state), CAMERA, bias=NO_ERROR)
+    problem = LandmarkProblem(head, seen(head, state), CAMERA, LandmarkFit(), bias=NO_ERROR)
     fit = problem.fit(state, mouth_closed=False)
-    assert photometric_fit(problem, fit, image, regions) is fit
+    assert photometric_fit(problem, fit, image, regions, ShadingFit(), False) is fit
 
 
 def test_no_skin_keeps_the_landmarks_mesh(head: HeadModel) -> None:
     """A face of which too little plain skin is seen is left as it was."""
     state = truth(head, 0)
-    problem = LandmarkProblem(head, seen(head, state), CAMERA, bias=NO_ERROR)
+    problem = LandmarkProblem(head, seen(head, state), CAMERA, LandmarkFit(), bias=NO_ERROR)
     fit = problem.fit(state, mouth_closed=False)
     nothing = np.zeros((SIZE, SIZE, 6), dtype=np.float32)
     nothing[..., 5] = 1
     image = np.full((SIZE, SIZE, 3), 0.3, dtype=np.float32)
-    assert photometric_fit(problem, fit, image, Regions(nothing)) is fit
+    assert photometric_fit(problem, fit, image, Regions(nothing), ShadingFit(), False) is fit

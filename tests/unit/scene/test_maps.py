@@ -30,9 +30,6 @@ def test_diffuse_perturbation_is_the_blurred_one() -> None:
     """Paper, section 3.4: one perturbation, blurred by a pixel for the diffuse normal."""
     maps = painted(32)
     assert maps.diffuse_perturbation() == pytest.approx(blur(maps.perturbation, DIFFUSE_BLUR))
-    dull = maps.without_specular()
-    assert dull.specular_albedo.max() == 0
-    assert dull.diffuse_albedo is maps.diffuse_albedo
 
 
 def test_fill_takes_the_nearest_known_value() -> None:

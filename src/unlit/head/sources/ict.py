@@ -6,7 +6,7 @@ and facial actions, one OBJ each at full strength, all on one topology: vertices
 are the same point. The tables below are those of its README.
 
 Teeth, tongue, lashes and the see-through parts of the eyes are left out; the shell with the cornea
-is the eyeball. What the repository does not say is taken from the default head, aligned by named
+is the eyeball. What the repository does not say is taken from another head, aligned by named
 points: which vertices are scalp, neck and ears. The landmarks are found as embedding.py does, lips
 and eyebrows from their outlines.
 """
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,10 +23,13 @@ from scipy.spatial import KDTree
 from skimage.measure import points_in_poly
 
 from ...errors import ModelError, SubjectError
+from ...perception.topology import MULTI_PIE_LANDMARKS
+from ...scene.surface_points import SurfacePoints
 from ...storage.meshes import Surface, read_mesh
-from ..embedding import Embedding, embed_landmarks, eyebrow_vertices
-from ..model import VERTEX_REGIONS, HeadModel, default_model
-from ..prior import COMMON, procrustes
+from ..embedding import embed_landmarks
+from ..eyebrows import eyebrow_vertices
+from ..model import LANDMARKS, VERTEX_REGIONS, HeadModel
+from ..procrustes import procrustes
 
 NEUTRAL = "generic_neutral_mesh.obj"
 _INDICES = "vertex_indices.json"
@@ -48,15 +52,18 @@ MULTI_PIE = (
     *(3732, 5708, 5695, 2081, 0, 4275, 6200, 6213, 6346, 6461, 5518, 5957, 5841, 5702, 5711, 5533),
     *(6216, 6207, 6470, 5517, 5966),
 )
-# A landmark farther than this from the default head's is none, cm.
+# A landmark farther than this from the other head's is none, cm.
 _STRAY = 1.5
 _BORROWED = ("scalp", "neck", "ears")
 _SIDES = {"_L": "Left", "_R": "Right"}
 
 
-def build(folder: Path, progress: Callable[[str, int, int], None] = lambda *_: None) -> HeadModel:
+def build(
+    folder: Path, reference: Callable[[], HeadModel], progress: Callable[[str, int, int], None]
+) -> HeadModel:
     """The model in `folder`, a copy of the repository or its folder FaceXModel.
 
+    reference: gives a head whose regions and landmarks are known; asked once all files are read.
     progress: called with (what is done now, files read, of all).
     Raises ModelError when it is not one, naming the file that is missing or wrong.
     """
@@ -74,14 +81,8 @@ def build(folder: Path, progress: Callable[[str, int, int], None] = lambda *_: N
             f"{len(neutral.vertices)} vertices, not {_VERTICES} with texture coordinates"
         )
     names = _expressions(folder)
-    shapes = [folder / f"identity{k:03d}.obj" for k in range(_IDENTITIES)]
-    files = [*shapes, *(folder / f"{name}.obj" for name in names)]
-    missing = [file.name for file in files if not file.is_file()]
-    if missing:
-        raise ModelError(
-            f"{folder}: {len(missing)} of {len(files)} shapes are missing, {missing[0]} first; "
-            f"copy the whole folder {_FOLDER}"
-        )
+    shapes = [f"identity{k:03d}" for k in range(_IDENTITIES)] + names
+    files = _files(folder, shapes)
     kept = np.concatenate([np.arange(low, high) for low, high, _ in _PARTS])
     region = np.concatenate(
         [np.full(high - low, VERTEX_REGIONS.index(name), np.uint8) for low, high, name in _PARTS]
@@ -98,16 +99,21 @@ def build(folder: Path, progress: Callable[[str, int, int], None] = lambda *_: N
     whole = (triangles >= 0).all(axis=1)
     corners, triangle_uv = np.unique(neutral.triangle_uv[whole], return_inverse=True)
     progress("finding the landmarks", len(files) - 1, len(files))
-    model = _finished(
-        neutral.vertices[kept].astype(np.float32),
-        moved[: len(shapes)],
-        moved[len(shapes) :],
-        tuple(_arkit(name) for name in names),
-        triangles[whole].astype(np.int32),
-        neutral.uv[corners].astype(np.float32),
-        triangle_uv.reshape(-1, 3).astype(np.int32),
-        region,
+    model = HeadModel(
+        name="ICT-FaceKit",
+        licence="MIT",
+        origin="USC ICT Vision and Graphics Lab, github.com/ICT-VGL/ICT-FaceKit",
+        neutral=neutral.vertices[kept].astype(np.float32),
+        identity=moved[:_IDENTITIES],
+        expression=moved[_IDENTITIES:],
+        expression_names=tuple(_arkit(name) for name in names),
+        triangles=triangles[whole].astype(np.int32),
+        uv=neutral.uv[corners].astype(np.float32),
+        triangle_uv=triangle_uv.reshape(-1, 3).astype(np.int32),
+        landmark_points=SurfacePoints.empty(LANDMARKS),
+        vertex_region=region,
     )
+    model = _with_landmarks(model, reference())
     progress("ICT-FaceKit read", len(files), len(files))
     return model
 
@@ -135,6 +141,18 @@ def _expressions(folder: Path) -> list[str]:
     return names
 
 
+def _files(folder: Path, shapes: list[str]) -> list[Path]:
+    """The files of these shapes, all of which are there."""
+    files = [folder / f"{shape}.obj" for shape in shapes]
+    missing = [file.name for file in files if not file.is_file()]
+    if missing:
+        raise ModelError(
+            f"{folder}: {len(missing)} of {len(files)} shapes are missing, {missing[0]} first; "
+            f"copy the whole folder {_FOLDER}"
+        )
+    return files
+
+
 def _moved(path: Path, neutral: np.ndarray, kept: np.ndarray) -> np.ndarray:
     """Displacement (K, 3), cm, of the kept vertices in the shape `path`."""
     try:
@@ -153,69 +171,46 @@ def _arkit(name: str) -> str:
     return name[:-2] + _SIDES[name[-2:]] if name[-2:] in _SIDES else name
 
 
-def _finished(
-    neutral: np.ndarray,
-    identity: np.ndarray,
-    expression: np.ndarray,
-    names: tuple[str, ...],
-    triangles: np.ndarray,
-    uv: np.ndarray,
-    triangle_uv: np.ndarray,
-    region: np.ndarray,
-) -> HeadModel:
-    """The model, with landmarks and the finer regions found on its neutral."""
-    skin = region == VERTEX_REGIONS.index("skin")
-    region = region.copy()
-    aligned = _aligned(neutral)
-    region[skin] = _borrowed(aligned[skin])
+def _with_landmarks(model: HeadModel, reference: HeadModel) -> HeadModel:
+    """`model` with landmarks and the finer regions found on its neutral."""
+    neutral, triangles = model.neutral, model.triangles
+    skin = model.vertex_region == VERTEX_REGIONS.index("skin")
+    region = model.vertex_region.copy()
+    aligned = _aligned(neutral, reference)
+    region[skin] = _borrowed(aligned[skin], reference)
     front = skin & (neutral[:, 2] > neutral[list(MULTI_PIE[:17]), 2].mean())
     lips = neutral[list(MULTI_PIE[48:60]), :2]  # the ring of the outer lips
     region[front & points_in_poly(neutral[:, :2], lips)] = VERTEX_REGIONS.index("lips")
     found = embed_landmarks(neutral, triangles, region, symmetric=True)
-    brows = eyebrow_vertices(found.points(neutral, triangles), neutral)
+    brows = eyebrow_vertices(found.on(neutral, triangles), neutral)
     region[front & brows] = VERTEX_REGIONS.index("eyebrows")
-    found = _without_strays(found, aligned, triangles)
-    return HeadModel(
-        name="ICT-FaceKit",
-        licence="MIT",
-        origin="USC ICT Vision and Graphics Lab, github.com/ICT-VGL/ICT-FaceKit",
-        neutral=neutral,
-        identity=identity,
-        expression=expression,
-        expression_names=names,
-        triangles=triangles,
-        uv=uv,
-        triangle_uv=triangle_uv,
-        landmark_triangle=found.triangle,
-        landmark_barycentric=found.barycentric,
-        vertex_region=region,
-    )
+    found = _without_strays(found, aligned, triangles, reference)
+    return replace(model, landmark_points=found, vertex_region=region)
 
 
-def _aligned(neutral: np.ndarray) -> np.ndarray:
-    """Vertices (K, 3) in the frame and at the size of the default head."""
-    head = default_model()
-    theirs = head.landmarks(head.neutral)[[landmark for _, landmark in COMMON]]
-    ours = neutral[[MULTI_PIE[point] for point, _ in COMMON]]
+def _aligned(neutral: np.ndarray, head: HeadModel) -> np.ndarray:
+    """Vertices (K, 3) in the frame and at the size of `head`."""
+    theirs = head.landmarks(head.neutral)[list(MULTI_PIE_LANDMARKS.values())]
+    ours = neutral[[MULTI_PIE[point] for point in MULTI_PIE_LANDMARKS]]
     scale, rotation, shift = procrustes(ours, theirs)
     return (scale * neutral @ rotation.T + shift).astype(np.float32)
 
 
-def _borrowed(aligned: np.ndarray) -> np.ndarray:
-    """Region (K,) of aligned skin vertices (K, 3): the default head's, if one of _BORROWED."""
-    head = default_model()
+def _borrowed(aligned: np.ndarray, head: HeadModel) -> np.ndarray:
+    """Region (K,) of aligned skin vertices (K, 3): that of `head`, if one of _BORROWED."""
     outside = ~np.isin(head.vertex_region, [VERTEX_REGIONS.index(n) for n in ("eyes", "mouth")])
     region = head.vertex_region[outside][KDTree(head.neutral[outside]).query(aligned)[1]]
     known = np.isin(region, [VERTEX_REGIONS.index(name) for name in _BORROWED])
     return np.where(known, region, VERTEX_REGIONS.index("skin"))
 
 
-def _without_strays(found: Embedding, aligned: np.ndarray, triangles: np.ndarray) -> Embedding:
+def _without_strays(
+    found: SurfacePoints, aligned: np.ndarray, triangles: np.ndarray, head: HeadModel
+) -> SurfacePoints:
     """`found` without the points whose rays slipped through an opening of the mesh."""
-    head = default_model()
-    apart = found.points(aligned, triangles) - head.landmarks(head.neutral)
+    apart = found.on(aligned, triangles) - head.landmarks(head.neutral)
     stray = ~(np.linalg.norm(apart, axis=1) < _STRAY)
-    return Embedding(
+    return SurfacePoints(
         np.where(stray, np.int32(-1), found.triangle),
         np.where(stray[:, None], np.float32(0), found.barycentric),
     )

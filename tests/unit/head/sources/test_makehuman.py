@@ -11,9 +11,9 @@ from unlit.errors import ModelError
 from unlit.head.basis import vertex_areas
 from unlit.head.lips import LOWER_RIM, UPPER_RIM
 from unlit.head.model import VERTEX_REGIONS, HeadModel
-from unlit.head.prior import shipped_prior
 from unlit.head.sources import makehuman
 from unlit.head.sources.makehuman import inner_product_weights
+from unlit.head.sources.makehuman_learnt import shipped_prior
 from unlit.perception.topology import BLENDSHAPE_NAMES
 
 
@@ -24,7 +24,7 @@ def region(head: HeadModel, name: str) -> np.ndarray:
 def test_size_and_names(head):
     """About 18,000 vertices, all landmarks carried, the units whose scores the landmarker gives."""
     assert 15_000 < len(head.neutral) < 20_000
-    assert (head.landmark_triangle >= 0).all()
+    assert (head.landmark_points.triangle >= 0).all()
     assert set(BLENDSHAPE_NAMES[1:]) <= set(head.expression_names)
     assert len(head.expression_names) == 51
     assert "CC0" in head.licence
@@ -55,14 +55,14 @@ def test_triangles_face_outward(head):
     volumes = np.bincount(piece[head.triangles[:, 0]], volume)
     assert (volumes > 0).all()
     normal = np.cross(b - a, c - a)
-    nose = head.landmark_triangle[[4, 5, 195, 6, 151, 199]]
+    nose = head.landmark_points.triangle[[4, 5, 195, 6, 151, 199]]
     assert (normal[nose, 2] > 0).all()
 
 
 def test_identity_basis_is_orthogonal_and_plausible(head):
     """Orthogonal under area and region weights; 3 mm at most a mode, 3-7 mm all together.
 
-    The relief's components, which follow the axes', are not orthogonal to them.
+    The displacements, which follow the axes' components, are not orthogonal to them.
     """
     weights = inner_product_weights(head.neutral, head.triangles, head.vertex_region)
     basis = head.identity[: len(shipped_prior().combinations)].astype(np.float64)
@@ -79,7 +79,7 @@ def test_lips_are_closed_and_eyes_filled(head):
     """The neutral's lip rims meet, and looking into each eye one meets the eyeball."""
     rims = head.landmarks(head.neutral)[[UPPER_RIM, LOWER_RIM]]
     assert (rims[0, 1:-1, 1] - rims[1, 1:-1, 1]).max() < 0
-    irises = head.triangles[head.landmark_triangle[[468, 473]]]
+    irises = head.triangles[head.landmark_points.triangle[[468, 473]]]
     assert region(head, "eyes")[irises].all()
 
 

@@ -5,9 +5,9 @@ ICT Vision and Graphics Lab, MIT licence) is a statistical model made from scans
 random identities from it, fits MakeHuman's axes to each of their surfaces, and keeps mean and
 covariance of the coefficients. The fit is Gaussian, so its posterior covariance enters too: what a
 surface does not tell about an axis stays as uncertain as the artist's standard deviation makes it.
-What the axes cannot make of those surfaces is in relief.py.
+What the axes cannot make of those surfaces is in displacement.py.
 
-    python -m unlit.head.prior ICT.npz        writes makehuman_prior.npz beside this module
+    python -m unlit.head.learn.prior ICT.npz        writes sources/makehuman_prior.npz
 
 ICT.npz holds the model's `neutral` (V, 3) cm, `identity` (100, V, 3) of one standard deviation
 each, `triangles` (F, 3) and `landmarks_multipie68` (68,) vertices, as in its public OBJ files.
@@ -18,21 +18,21 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from ..scene.normals import vertex_normals
-from .model import VERTEX_REGIONS, HeadModel
+from ...machine.assets import asset
+from ...perception.topology import MULTI_PIE_LANDMARKS
+from ...scene.normals import vertex_normals
+from ..basis import principal_combinations
+from ..model import VERTEX_REGIONS, HeadModel
+from ..procrustes import procrustes
+from ..sources.makehuman import ASSET, KEEP, build_unlearnt, inner_product_weights
+from ..sources.makehuman_learnt import PRIOR_FILE
 
-_FILE = "makehuman_prior.npz"
-
-# Points that both models name: of ICT's 68, of the landmarker's 478.
-COMMON = ((36, 33), (39, 133), (42, 362), (45, 263), (27, 168), (30, 4), (33, 2), (51, 0))
-COMMON += ((48, 61), (54, 291), (57, 17), (8, 152))
 # The part of ICT's mesh that is skin: face, head and neck.
 _ICT_SKIN = 11_248
 _IDENTITIES = 100
@@ -44,25 +44,6 @@ _INDEPENDENT = 400
 _ITERATIONS = 6
 # Share of the hand-set covariance that is kept: ICT's people are not all people.
 _ARTIST = 0.2
-
-
-@dataclass(frozen=True)
-class Prior:
-    """A Gaussian over the J axes of MakeHuman's identity, each in its own standard deviations.
-
-    mean: (J,). combinations: (I, J): row i is one standard deviation along component i; the
-    components are independent and the largest comes first. float32.
-    """
-
-    mean: np.ndarray
-    combinations: np.ndarray
-
-
-def shipped_prior() -> Prior:
-    """The prior that comes with the package; `main` makes it."""
-    file = resources.files("unlit.head").joinpath(_FILE)
-    with file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-        return Prior(arrays["mean"], arrays["combinations"])
 
 
 @dataclass(frozen=True)
@@ -100,7 +81,7 @@ class Fitter:
         self.weight = weight * _INDEPENDENT / len(chosen)
         self.neutral = model.neutral[chosen].astype(np.float64)
         self.basis = model.identity[:, chosen].astype(np.float64)
-        common = [landmark for _, landmark in COMMON]
+        common = list(MULTI_PIE_LANDMARKS.values())
         self.common = model.landmarks(model.neutral)[common].astype(np.float64)
         self.common_basis = np.stack([model.landmarks(axis)[common] for axis in model.identity])
 
@@ -156,23 +137,13 @@ def _normal_equations(
     return (rows * weight[:, None]).T @ rows, rows.T @ (weight * error)
 
 
-def procrustes(source: np.ndarray, goal: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Scale, rotation and shift that bring points `source` (N, 3) nearest to `goal`."""
-    a, b = source - source.mean(axis=0), goal - goal.mean(axis=0)
-    u, sizes, vt = np.linalg.svd(b.T @ a)
-    flip = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
-    rotation = (u * flip) @ vt
-    scale = float(sizes @ flip / np.sum(a**2))
-    return scale, rotation, goal.mean(axis=0) - scale * rotation @ source.mean(axis=0)
-
-
 def identities(ict: Path, count: int = _IDENTITIES) -> Iterator[Surface]:
     """The skin of `count` random identities, the same ones every time, of ICT.npz (see above)."""
     with np.load(ict, allow_pickle=False) as arrays:
         neutral = arrays["neutral"].astype(np.float64)
         identity = arrays["identity"].astype(np.float32)
         triangles = arrays["triangles"].astype(int)
-        corners = arrays["landmarks_multipie68"].astype(int)[[ours for ours, _ in COMMON]]
+        corners = arrays["landmarks_multipie68"].astype(int)[list(MULTI_PIE_LANDMARKS)]
     triangles = triangles[(triangles < _ICT_SKIN).all(axis=1)]
     sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     edges, uses = np.unique(sides, axis=0, return_counts=True)
@@ -197,17 +168,13 @@ def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> tuple[np.ndarray,
 
 def main(ict: Path) -> None:
     """Make the prior that is shipped."""
-    from ..machine.assets import asset
-    from .basis import principal_combinations
-    from .sources.makehuman import ASSET, KEEP, build_unlearnt, inner_product_weights
-
     model, axes, rows = build_unlearnt(asset(ASSET))
     weights = inner_product_weights(model.neutral, model.triangles, model.vertex_region)
     mean, covariance = learn(model, weights, ict)
     covariance = (1 - _ARTIST) * covariance + _ARTIST * np.eye(len(covariance))
     learnt = principal_combinations(axes, rows.T @ covariance @ rows, weights, KEEP)
     np.savez_compressed(
-        Path(__file__).with_name(_FILE),
+        PRIOR_FILE,
         mean=(mean @ rows).astype(np.float32),
         combinations=learnt.astype(np.float32),
     )

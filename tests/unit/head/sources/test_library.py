@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from unlit.errors import ModelError
-from unlit.head import library
+from unlit.head import files
 from unlit.head.model import LANDMARKS, HeadModel
-from unlit.head.sources import ict
+from unlit.head.sources import ict, library
+from unlit.scene.surface_points import SurfacePoints
 
 
 def triangle(name: str, size: float = 17.0) -> HeadModel:
@@ -30,8 +31,7 @@ def triangle(name: str, size: float = 17.0) -> HeadModel:
         triangles=np.array([[0, 1, 2]], np.int32),
         uv=np.zeros((1, 2), np.float32),
         triangle_uv=np.zeros((1, 3), np.int32),
-        landmark_triangle=carried,
-        landmark_barycentric=weights,
+        landmark_points=SurfacePoints(carried, weights),
         vertex_region=np.zeros(3, np.uint8),
     )
 
@@ -39,7 +39,8 @@ def triangle(name: str, size: float = 17.0) -> HeadModel:
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The user's own folder, not there yet."""
-    monkeypatch.setattr(library, "folder", lambda: tmp_path / "heads")
+    for module in (files, library):
+        monkeypatch.setattr(module, "models_folder", lambda: tmp_path / "heads")
     monkeypatch.delenv("UNLIT_MODELS", raising=False)
     return tmp_path
 
@@ -48,10 +49,10 @@ def test_what_is_added_is_found_by_name_and_by_file(
     home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """`add` keeps the model that was built; a file of one's own needs no adding."""
-    monkeypatch.setattr(ict, "build", lambda source, progress: triangle(source.name))
+    monkeypatch.setattr(ict, "build", lambda source, reference, progress: triangle(source.name))
     (home / "copy").mkdir()
     path = library.add("ict", home / "copy", lambda *_: None)
-    assert library.added() == {"ict": path}
+    assert files.added() == {"ict": path}
     assert library.head_model("ict").name == "copy"
     triangle("mine").save(home / "mine.npz")
     assert library.head_model(str(home / "mine.npz")).name == "mine"

@@ -1,14 +1,15 @@
-"""The learnt prior: the fit to a surface finds a known head, and what is shipped makes sense."""
+"""Learning the prior: the fit to a surface finds a known head, and what is shipped makes sense."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from unlit.head.learn.prior import Fitter, Surface
 from unlit.head.model import HeadModel
-from unlit.head.prior import COMMON, Fitter, Surface, shipped_prior
-from unlit.head.relief import shipped_relief
 from unlit.head.sources.makehuman import inner_product_weights
+from unlit.head.sources.makehuman_learnt import shipped_displacement, shipped_prior
+from unlit.perception.topology import MULTI_PIE_LANDMARKS
 from unlit.scene.normals import vertex_normals
 
 
@@ -21,7 +22,7 @@ def test_a_known_head_is_found_in_another_frame(head: HeadModel) -> None:
     shape = head.vertices(truth, np.zeros(len(head.expression))).astype(np.float64)
     turn = Rotation.from_euler("xyz", (10, -20, 5), degrees=True).as_matrix()
     placed = 1.1 * shape @ turn.T + (3, -2, 7)
-    common = [landmark for _, landmark in COMMON]
+    common = list(MULTI_PIE_LANDMARKS.values())
     surface = Surface(
         placed,
         vertex_normals(placed, head.triangles),
@@ -40,9 +41,9 @@ def test_a_known_head_is_found_in_another_frame(head: HeadModel) -> None:
 
 
 def test_shipped_prior_moves_the_mean_by_millimetres(head: HeadModel) -> None:
-    """One row per component before the relief's; the mean is a plausible head's, no caricature."""
+    """A row per component before the displacements; the mean is no caricature."""
     prior = shipped_prior()
-    components = len(head.identity) - len(shipped_relief().components)
+    components = len(head.identity) - len(shipped_displacement().components)
     assert prior.combinations.shape == (components, len(prior.mean))
     assert np.isfinite(prior.combinations).all() and np.isfinite(prior.mean).all()
     assert 0.1 < np.abs(prior.mean).max() < 5

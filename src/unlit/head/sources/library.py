@@ -1,38 +1,27 @@
-"""Head models by name or file: the default, and those that a user has added."""
+"""Head models by name or file, and adding one."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
-import platformdirs
 
-from ..errors import ModelError
-from ..machine.assets import FOLDER_VARIABLE
-from ..storage.keys import key
-from .model import HeadModel, default_model
+from ...errors import ModelError
+from ...storage.keys import key
+from ..files import DEFAULT, SUFFIX, added, model_file, models_folder
+from ..model import HeadModel
+from . import ict, makehuman
 
-DEFAULT = "makehuman"
-_SUFFIX = ".npz"
 #: Landmarks of a face span so much, cm: neither inches nor millimetres nor metres do.
 _FACE = (8.0, 40.0)
 
 Progress = Callable[[str, int, int], None]
 
 
-def folder() -> Path:
-    """Where `add` keeps models: data of the user's that no cleaning of caches removes."""
-    return platformdirs.user_data_path("unlit", appauthor=False) / "heads"
-
-
-def added() -> dict[str, Path]:
-    """Models by name, in the folder that UNLIT_MODELS names and in the user's own."""
-    named = os.environ.get(FOLDER_VARIABLE)
-    places = [folder(), *([Path(named).expanduser()] if named else [])]
-    return {path.stem: path for place in places for path in sorted(place.glob(f"*{_SUFFIX}"))}
+def default_model() -> HeadModel:
+    """The head model used when the user names none: MakeHuman's, built once and cached."""
+    return makehuman.cached_model()
 
 
 def head_model(name: str) -> HeadModel:
@@ -48,14 +37,9 @@ def head_model(name: str) -> HeadModel:
     )
 
 
-def model_file(name: str) -> Path | None:
-    """Where the model `name` is kept; None for the default, and for a name that none has."""
-    return Path(name).expanduser() if name.endswith(_SUFFIX) else added().get(name)
-
-
 def model_key(model: HeadModel) -> str:
     """Changes with anything that `model` holds."""
-    return key(*(getattr(model, field.name) for field in fields(model)))
+    return key(*model.content().values())
 
 
 def _of_file(path: Path) -> HeadModel:
@@ -78,12 +62,10 @@ def add(name: str, source: Path, progress: Progress) -> Path:
     """
     if name != "ict":
         raise ModelError(f"{name}: no such head model to add; there is ict (ICT-FaceKit)")
-    from .sources.ict import build
-
     if not source.is_dir():
         raise ModelError(f"{source}: not a folder; give FaceXModel of a copy of ICT-FaceKit")
-    model = build(source, progress)
-    place = folder() / f"{name}{_SUFFIX}"
+    model = ict.build(source, default_model, progress)
+    place = models_folder() / f"{name}{SUFFIX}"
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
         model.save(place)

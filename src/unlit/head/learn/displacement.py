@@ -1,4 +1,4 @@
-"""What faces have that no mixture of MakeHuman's axes can make: heights along its normals.
+"""What faces have that no mixture of MakeHuman's axes can make: displacements along its normals.
 
 Fitted to a face, MakeHuman's axes leave a millimetre, and with it most of the error of the
 normals: folds at lips, chin and eyes that only the artist's head has. `main` fits the learnt model
@@ -6,14 +6,12 @@ normals: folds at lips, chin and eyes that only the artist's head has. `main` fi
 every vertex of its skin along the mean head's normal until it lies on the surface, as smoothly as
 that goes, and keeps mean and principal components of the heights. Mirrored faces count, too.
 
-    python -m unlit.head.relief ICT.npz       writes makehuman_relief.npz beside this module
+    python -m unlit.head.learn.displacement ICT.npz       writes sources/makehuman_displacement.npz
 """
 
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +19,14 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
 
-from ..scene.normals import vertex_normals
-from .basis import vertex_areas
-from .eyelids import eyeballs
-from .model import VERTEX_REGIONS, HeadModel
+from ...machine.assets import asset
+from ...scene.normals import vertex_normals
+from ..basis import vertex_areas
+from ..eyelids import eyeballs
+from ..model import VERTEX_REGIONS, HeadModel
+from ..sources.makehuman import ASSET, build_flat, inner_product_weights
+from ..sources.makehuman_learnt import DISPLACEMENT_FILE, DisplacementBasis
 from .prior import Fitter, Surface, identities
-
-_FILE = "makehuman_relief.npz"
 
 # Components that are kept; docs/geometry.md has what more of them, or none, would give.
 _COMPONENTS = 20
@@ -40,22 +39,6 @@ _RIM = 0.2
 _DETAIL = (0.4, 0.2)
 # Weight of no height where there is no skin, against the surface's where there is.
 _ELSEWHERE = 0.01
-
-
-@dataclass(frozen=True)
-class Relief:
-    """Heights, cm, along the normals of the neutral head: mean (V,), and components (K, V), each of
-    one standard deviation, independent, the largest first."""
-
-    mean: np.ndarray
-    components: np.ndarray
-
-
-def shipped_relief() -> Relief:
-    """The relief that comes with the package; `main` makes it."""
-    file = resources.files("unlit.head").joinpath(_FILE)
-    with file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-        return Relief(*(arrays[name].astype(np.float32) for name in ("mean", "components")))
 
 
 class Registration:
@@ -112,8 +95,8 @@ def _biharmonic(vertices: np.ndarray, triangles: np.ndarray, area: np.ndarray) -
     return (laplacian.T @ sp.diags(area) @ laplacian).tocsc()
 
 
-def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> Relief:
-    """The relief of `model` over random ICT identities; weights as for Fitter."""
+def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> DisplacementBasis:
+    """Of `model` over random ICT identities; weights as for Fitter."""
     fitter, registration = Fitter(model, weights), Registration(model)
     found = []
     for surface in identities(ict):
@@ -129,21 +112,18 @@ def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> Relief:
     mean = heights.mean(axis=0)
     _, sizes, rows = np.linalg.svd(heights - mean, full_matrices=False)
     deviations = sizes[:_COMPONENTS] / np.sqrt(len(heights))
-    return Relief(mean, deviations[:, None] * rows[:_COMPONENTS])
+    return DisplacementBasis(mean, deviations[:, None] * rows[:_COMPONENTS])
 
 
 def main(ict: Path) -> None:
-    """Make the relief that is shipped."""
-    from ..machine.assets import asset
-    from .sources.makehuman import ASSET, build_flat, inner_product_weights
-
+    """Make the displacements that are shipped."""
     model = build_flat(asset(ASSET))
     weights = inner_product_weights(model.neutral, model.triangles, model.vertex_region)
-    relief = learn(model, weights, ict)
+    found = learn(model, weights, ict)
     np.savez_compressed(
-        Path(__file__).with_name(_FILE),
-        mean=relief.mean.astype(np.float16),
-        components=relief.components.astype(np.float16),
+        DISPLACEMENT_FILE,
+        mean=found.mean.astype(np.float16),
+        components=found.components.astype(np.float16),
     )
 
 

@@ -1,4 +1,4 @@
-"""The relief: a known bump is found again, and what is shipped makes sense."""
+"""Displacements along normals: a known bump is found again, and what is shipped makes sense."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from unlit.head.eyelids import eyeballs
+from unlit.head.learn.displacement import Registration
+from unlit.head.learn.prior import Surface
 from unlit.head.model import HeadModel
-from unlit.head.prior import Surface
-from unlit.head.relief import Registration, shipped_relief
+from unlit.head.sources.makehuman_learnt import shipped_displacement
 from unlit.scene.normals import vertex_normals
 
 
@@ -34,18 +35,18 @@ def test_a_known_bump_is_found_and_the_rim_is_no_evidence(head: HeadModel) -> No
     assert np.abs(found[head.neutral[:, 1] > 4]).max() < 0.01
 
 
-def test_shipped_relief_is_millimetres_and_its_mean_symmetric(head: HeadModel) -> None:
+def test_shipped_displacements_are_millimetres_and_their_mean_symmetric(head: HeadModel) -> None:
     """One height per vertex; components in order, less than the mean head's size of detail."""
-    relief = shipped_relief()
+    basis = shipped_displacement()
     count = len(head.neutral)
-    assert relief.mean.shape == (count,) and relief.components.shape[1] == count
-    assert 0.05 < np.abs(relief.mean).max() < 1
-    size = np.linalg.norm(relief.components, axis=1)
+    assert basis.mean.shape == (count,) and basis.components.shape[1] == count
+    assert 0.05 < np.abs(basis.mean).max() < 1
+    size = np.linalg.norm(basis.components, axis=1)
     assert (np.diff(size) <= 1e-3 * size[0]).all() and size[0] / np.sqrt(count) < 0.2
     balls = np.any(eyeballs(head), axis=0)
-    assert balls.any() and not relief.mean[balls].any() and not relief.components[:, balls].any()
+    assert balls.any() and not basis.mean[balls].any() and not basis.components[:, balls].any()
     apart = np.column_stack([head.neutral, 100 * balls])
     mirror = KDTree(apart).query(apart * (-1, 1, 1, 1))[1]
     # Its own mirror image before the lips were sealed.
-    assert np.abs(relief.mean - relief.mean[mirror]).max() < 0.03
-    assert np.percentile(np.abs(relief.mean - relief.mean[mirror]), 99) < 0.002
+    assert np.abs(basis.mean - basis.mean[mirror]).max() < 0.03
+    assert np.percentile(np.abs(basis.mean - basis.mean[mirror]), 99) < 0.002

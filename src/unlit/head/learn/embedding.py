@@ -1,0 +1,24 @@
+"""Find the landmarks on the MakeHuman head, as shipped.
+
+python -m unlit.head.learn.embedding       writes sources/makehuman_landmarks.npz
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...machine.assets import asset
+from ..embedding import embed_landmarks
+from ..sources.makehuman import ASSET, build
+from ..sources.makehuman_learnt import LANDMARKS_FILE
+
+
+def main() -> None:
+    """Make the embedding that is shipped."""
+    model = build(asset(ASSET), bare=True)
+    found = embed_landmarks(model.neutral, model.triangles, model.vertex_region, symmetric=True)
+    np.savez_compressed(LANDMARKS_FILE, triangle=found.triangle, barycentric=found.barycentric)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""What the regions are told by: the face's size and upright, colours, dark lines."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from ..color import luminance
+from .contours import area
+from .topology import CHIN, FACE_OVAL, HAIRLINE
+
+_DARK = 0.004  # linear floor under the logarithms, against noise
+
+
+def face_size(landmarks: np.ndarray) -> float:
+    """Square root of the area of the face oval, pixels: the yardstick of every margin."""
+    return float(np.sqrt(area(landmarks[list(FACE_OVAL)])))
+
+
+def upwards(landmarks: np.ndarray) -> np.ndarray:
+    """Unit vector (2,) from the chin to the hairline, pixels of landmarks (478, 2)."""
+    up = landmarks[HAIRLINE] - landmarks[CHIN]
+    return up / np.linalg.norm(up)
+
+
+def colours(image: np.ndarray) -> np.ndarray:
+    """(S, S, 3) float32: log(R/G), log(B/G) and log-luminance of linear sRGB."""
+    red, green, blue = np.moveaxis(np.log(np.maximum(image, 0) + _DARK), -1, 0)
+    return np.stack([red - green, blue - green, log_luminance(image)], axis=-1).astype(np.float32)
+
+
+def smoothstep(values: np.ndarray | float, low: float, high: float) -> np.ndarray:
+    """0 below `low`, 1 above `high`, smooth between."""
+    t = np.clip((np.asarray(values) - low) / (high - low), 0, 1)
+    return t * t * (3 - 2 * t)
+
+
+def dark_lines(log_luminance: np.ndarray, size: float) -> np.ndarray:
+    """Depth (S, S), in log units, of dark structures narrower than 5 % of the face's size."""
+    log_luminance = log_luminance.astype(np.float32)
+    return cv2.morphologyEx(log_luminance, cv2.MORPH_CLOSE, disk(0.025 * size)) - log_luminance
+
+
+def log_luminance(image: np.ndarray) -> np.ndarray:
+    """Natural logarithm (S, S) of the luminance of linear sRGB, with a floor against noise."""
+    return np.log(np.maximum(luminance(image), 0) + _DARK)
+
+
+def disk(radius: float) -> np.ndarray:
+    """Structuring element of that radius in pixels, at least 1."""
+    diameter = 2 * max(1, round(radius)) + 1
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (diameter, diameter))
