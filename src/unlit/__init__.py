@@ -2,10 +2,12 @@
 
     import unlit
 
-    face = unlit.reconstruct("portrait.jpg")         # minutes; a Reconstruction of NumPy arrays
-    face.save("portrait")                            # maps, mesh, light, montage.png
-    picture = face.relight(unlit.lights.flash())     # (S, S, 3) linear sRGB
-    face = unlit.load("portrait")                    # the same again, to the bit
+    result = unlit.reconstruct("portrait.jpg")          # minutes; NumPy arrays, linear sRGB
+    result.face.maps.diffuse_albedo                     # what belongs to the person
+    result.light                                        # and to the moment of the photo
+    picture = result.relight(unlit.lights.flash())      # (512, 512, 3), under another light
+    result.save("portrait")                             # maps, mesh, light, montage.png
+    result = unlit.load("portrait")                     # the same again, to the bit
 
 Names are imported when first used, so that `import unlit` costs nothing: the renderer alone takes
 a second to load.
@@ -16,47 +18,64 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from .machine import runtime as _runtime
+from .machine import runtime
 
 # Before anything imports drjit, which looks for LLVM when it is loaded.
-_runtime.point_to_llvm()
+runtime.point_to_llvm()
 
 if TYPE_CHECKING:
-    from .errors import UnlitError
-    from .face.reconstruction import Reconstruction
-    from .output import load
+    from .api import Result, batch, export, load, reconstruct, relight, resume, save
+    from .errors import (
+        FaceError,
+        MachineError,
+        ModelError,
+        OutputError,
+        PhotoError,
+        PictureError,
+        SettingsError,
+        SubjectError,
+        UnlitError,
+    )
     from .photo.photo import Photo, read_photo
-    from .pipeline.chain import reconstruct
-    from .scene import light as lights
+    from .relighting import lights
     from .settings.settings import PRESETS, Settings, override
 
     __version__: str
 
 __all__ = [
     "PRESETS",
+    "FaceError",
+    "MachineError",
+    "ModelError",
+    "OutputError",
     "Photo",
-    "Reconstruction",
+    "PhotoError",
+    "PictureError",
+    "Result",
     "Settings",
+    "SettingsError",
+    "SubjectError",
     "UnlitError",
     "__version__",
+    "batch",
+    "export",
     "lights",
     "load",
     "override",
     "read_photo",
     "reconstruct",
+    "relight",
+    "resume",
+    "save",
 ]
 
-_MODULE = {
-    "PRESETS": "settings.settings",
-    "Photo": "photo.photo",
-    "Reconstruction": "face.reconstruction",
-    "Settings": "settings.settings",
-    "UnlitError": "errors",
-    "load": "output",
-    "override": "settings.settings",
-    "read_photo": "photo.photo",
-    "reconstruct": "pipeline.chain",
+_MODULES = {
+    "api": ("Result", "batch", "export", "load", "reconstruct", "relight", "resume", "save"),
+    "errors": tuple(name for name in __all__ if name.endswith("Error")),
+    "photo.photo": ("Photo", "read_photo"),
+    "settings.settings": ("PRESETS", "Settings", "override"),
 }
+_MODULE = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
@@ -65,7 +84,7 @@ def __getattr__(name: str) -> Any:
 
         value: Any = version("unlit")
     elif name == "lights":
-        value = importlib.import_module(".scene.light", __name__)
+        value = importlib.import_module(".relighting.lights", __name__)
     elif name in _MODULE:
         value = getattr(importlib.import_module(f".{_MODULE[name]}", __name__), name)
     else:

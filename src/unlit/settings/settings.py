@@ -49,7 +49,7 @@ class Settings:
     #: Side of the square crop, pixels.
     resolution: Annotated[int, Meta(ge=256, le=2048)] = 512
 
-    #: Head model that is fitted: makehuman, one that was added, or an .npz file (head/sources/library.py).
+    #: Head model that is fitted: makehuman, one that was added, or an .npz file.
     head_model: str = "makehuman"
     landmark_fit: LandmarkFit = field(default_factory=LandmarkFit)
     shading_fit: ShadingFit = field(default_factory=ShadingFit)

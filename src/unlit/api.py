@@ -1,0 +1,225 @@
+"""The public face of unlit: one function for each thing that people do with it."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .errors import SettingsError
+from .face.reconstruction import Reconstruction
+from .machine import cost
+from .output.export import export as export_files
+from .output.load import load as load_reconstruction
+from .output.montage import montage, montage_png
+from .output.save import save as save_files
+from .pipeline import chain
+from .pipeline import resume as resuming
+from .progress.console import RunConsole, StepConsole
+from .relighting.lights import named
+from .render.relighter import Relighter
+from .scene.light import SphericalGaussians
+from .settings.settings import PRESETS, Settings, override
+
+if TYPE_CHECKING:
+    from .head.model import HeadModel
+    from .photo.photo import Photo
+
+#: What a light may be: a map (H, W) or (H, W, 3) of radiance, lobes, or a name or file.
+Light = np.ndarray | SphericalGaussians | str | Path
+
+
+class Result(Reconstruction):
+    """A Reconstruction that shows, relights and saves itself; a montage in notebooks.
+
+    >>> result
+    Reconstruction('astronaut.png': 256 x 256 pixels, 16,718 vertices, 648 lobes of light)
+    >>> result.face.maps.diffuse_albedo.shape
+    (256, 256, 3)
+    """
+
+    def relight(self, light: Light) -> np.ndarray:
+        """See `unlit.relight`."""
+        return relight(self, light)
+
+    def save(self, folder: str | Path) -> None:
+        """See `unlit.save`."""
+        save(self, folder)
+
+    def show(self) -> None:
+        """Show the montage: in the notebook, else in the system's picture viewer."""
+        if "IPython" in sys.modules and (shell := sys.modules["IPython"].get_ipython()):
+            shell.display_pub.publish({"image/png": montage_png(self)})
+            return
+        from PIL import Image
+
+        Image.fromarray(montage(self)).show()
+
+    def _repr_png_(self) -> bytes:
+        return montage_png(self)
+
+
+def reconstruct(
+    photo: str | Path | Photo | np.ndarray,
+    preset: str | Settings = "paper",
+    *,
+    face: str | int = "only",
+    model: HeadModel | None = None,
+    mask: str | Path | np.ndarray | None = None,
+    settings: Mapping[str, Any] | None = None,
+    progress: bool = True,
+) -> Result:
+    """Reconstruct the face in `photo` (paper, sections 2 and 3).
+
+    photo: a file, a Photo, or an array (H, W, 3), uint8 sRGB-encoded or float linear sRGB.
+    preset: "paper", the whole schedule at 512 pixels (minutes), "draft", a quick look at 256, or
+        a Settings. settings: what differs from it, by dotted name.
+    face: "only" (several faces are an error), "largest", "left", "right", or a number counted
+        from the largest, 0.
+    model: the head model to fit, if not the one that the settings name.
+    mask: a picture file or an array (H, W) of the photo's size, uint8 to 255 or others in [0, 1];
+        0 leaves skin out.
+    progress: show a progress bar, on a terminal or in a notebook.
+
+    Raises PhotoError, FaceError, ModelError, SettingsError or MachineError.
+
+    >>> from skimage.data import astronaut
+    >>> result = unlit.reconstruct(astronaut(), "draft", settings={"stage2.iterations": 20})
+    """
+    chosen = override(_preset(preset), dict(settings or {}))
+    plan = cost.plan(chosen.resolution, chosen.iterations(), cost.cores())
+    with RunConsole(plan) if progress else nullcontext(_silent) as console:
+        made = chain.reconstruct(
+            photo, settings=chosen, face=face, model=model, mask=mask, progress=console
+        )
+    return _result(made)
+
+
+def resume(
+    result: Reconstruction,
+    stage: int,
+    *,
+    settings: Mapping[str, Any] | None = None,
+    progress: bool = True,
+) -> Result:
+    """Run the stages from `stage` (1 to 5) on again, from the maps, light and mesh of `result`.
+
+    settings: what differs from the result's own. Raises SettingsError.
+
+    >>> again = unlit.resume(result, 5)
+    """
+    chosen = override(result.settings, dict(settings or {}))
+    plan = cost.plan(chosen.resolution, chosen.iterations(stage - 1), cost.cores())
+    with RunConsole(plan) if progress else nullcontext(_silent) as console:
+        return _result(resuming.resume(result, stage, chosen, console))
+
+
+def relight(result: Reconstruction, light: Light) -> np.ndarray:
+    """The face under another light: (S, S, 3) float32 linear sRGB, 0 outside the mask.
+
+    light: radiance as a latitude-longitude map (H, W) or (H, W, 3) in the world frame of
+    scene/camera.py, spherical Gaussians, or what `unlit.lights.named` reads: "flash",
+    "uniform", "side", "sun:AZIMUTH,ELEVATION", or an .hdr or .exr file. Deterministic, with
+    self-shadowing and inter-reflection. Raises SettingsError or PictureError.
+
+    >>> unlit.relight(result, unlit.lights.sun(45, 30)).shape
+    (256, 256, 3)
+    """
+    if isinstance(light, str | Path):
+        light = named(str(light))
+    return Relighter(result.face)(light)
+
+
+def save(result: Reconstruction, folder: str | Path) -> None:
+    """Write maps, mesh, light, previews and the montage into `folder`, whole or not at all.
+
+    Raises OutputError when it cannot be written, or holds somebody else's files.
+
+    >>> unlit.save(result, folder)
+    """
+    save_files(result, folder)
+
+
+def load(folder: str | Path) -> Result:
+    """The result that was saved in `folder`, the same to the bit. Raises OutputError.
+
+    >>> same = unlit.load(folder)
+    >>> bool((same.images.render == result.images.render).all())
+    True
+    """
+    return _result(load_reconstruction(folder))
+
+
+def export(
+    folder: str | Path,
+    into: str | Path | None = None,
+    formats: Collection[str] = ("glb", "obj", "ply", "mitsuba", "blender"),
+    *,
+    size: int = 1024,
+    progress: bool = True,
+) -> Path:
+    """Write the result saved in `folder` for other programs; returns the export's folder.
+
+    into: FOLDER/export if None. formats: keys of output.export.FORMATS. size: texels a side of
+    the textures, 512 to 4096. Raises SettingsError or OutputError.
+
+    >>> sorted(file.name for file in unlit.export(folder, formats=["ply"]).iterdir())
+    ['export.toml', 'mesh.ply']
+    """
+    source = Path(folder)
+    report: Callable[[str, int, int], None] = StepConsole() if progress else _quiet
+    return export_files(
+        load_reconstruction(source), into or source / "export", source, formats, size, False, report
+    )
+
+
+def batch(
+    photos: Sequence[str | Path],
+    folder: str | Path,
+    preset: str | Settings = "paper",
+    *,
+    face: str | int = "only",
+    settings: Mapping[str, Any] | None = None,
+    scheduler: str | None = None,
+) -> list[Any]:
+    """Reconstruct many photos into `folder` (a path or URL), on all cores or a Dask cluster.
+
+    photos: files. face: as for `reconstruct`, or "all". scheduler: address of a Dask scheduler.
+    What is done already is not done again. Returns a row for each face: photo, folder, warnings,
+    error, figures. Raises OutputError or MachineError.
+
+    >>> unlit.batch([], folder / "many")
+    []
+    """
+    from .batches import require_extra
+    from .batches.run import run_batch
+
+    require_extra()
+    chosen = override(_preset(preset), dict(settings or {}))
+    files = [Path(photo).resolve() for photo in photos]
+    return run_batch(files, str(folder), chosen, face, scheduler, lambda counts, rows: None)
+
+
+def _preset(preset: str | Settings) -> Settings:
+    if isinstance(preset, Settings):
+        return preset
+    if preset not in PRESETS:
+        raise SettingsError(f"preset={preset!r}: choose {' or '.join(PRESETS)}")
+    return PRESETS[preset]
+
+
+def _result(made: Reconstruction) -> Result:
+    return Result(**{field.name: getattr(made, field.name) for field in dataclasses.fields(made)})
+
+
+def _silent(step: str, iteration: int, iterations: int, loss: float) -> None:
+    """Progress that nobody wants to see."""
+
+
+def _quiet(what: str, done: int, total: int) -> None:
+    """The same, of steps."""
