@@ -89,8 +89,7 @@ def run_batch(
         if known is None:
             left.append(job)
         else:
-            rows[name] = known
-            counts.before += 1
+            rows[name], counts.before = known, counts.before + 1
         watch(counts, [])
 
     def summed_up() -> list[Row]:
@@ -118,12 +117,16 @@ def run_batch(
         with connected(scheduler, len(left), settings.resolution, memory) as client:
             _work(client, left, running, counts, watch, keep)
     finally:
-        for job, _ in running.values():  # some may have ended, unseen, when it was interrupted
-            known = task.known_rows(job, store, store.record(job.name))
-            if known is not None:
-                rows[job.name] = known
+        rows |= _unseen(running, store)
         write_tables(store, summed_up())
     return summed_up()
+
+
+def _unseen(running: Running, store: Store) -> dict[str, list[Row]]:
+    """Rows of the photos in `running` that were done nevertheless when it was interrupted."""
+    jobs = [job for job, _ in running.values()]
+    found = {job.name: task.known_rows(job, store, store.record(job.name)) for job in jobs}
+    return {name: rows for name, rows in found.items() if rows is not None}
 
 
 def _work(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from types import TracebackType
 
 from rich.console import Console
 
@@ -24,14 +23,9 @@ class BatchConsole(Display):
         self._began: float | None = None
         self._counts: Counts | None = None
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        super().__exit__(kind, error, traceback)
-        if error is None and self._counts is not None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        super().__exit__(kind)
+        if kind is None and self._counts is not None:
             self.say(", ".join(_finished(self._counts)))
 
     def __call__(self, counts: Counts, rows: list[Row]) -> None:

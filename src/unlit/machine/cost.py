@@ -15,27 +15,18 @@ from ..errors import SettingsError
 #: Peak memory of the whole command: bytes, and bytes more for each pixel of the crop.
 _MEMORY, _MEMORY_PER_PIXEL = 0.86e9, 480.0
 #: Milliseconds of an iteration, and more for each million pixels of the crop, on two cores.
+#: Then the share of what else there is, which is taken by its set-up and preview.
 _PACE = {
-    "stage1": (7.0, 6.0),
-    "stage2": (9.0, 29.0),
-    "stage3": (17.0, 105.0),
-    "stage4": (1.0, 85.0),
-    "stage5": (1.0, 72.0),
+    "stage1": (7.0, 6.0, 0.13),
+    "stage2": (9.0, 29.0, 0.13),
+    "stage3": (17.0, 105.0, 0.16),
+    "stage4": (1.0, 85.0, 0.04),
+    "stage5": (1.0, 72.0, 0.05),
 }
 _CORES = 2
-#: Seconds of everything but the iterations, and more for each million pixels; who takes them.
+#: Seconds of everything but the iterations, and more for each million pixels; who else takes them.
 _REST, _REST_PER_MEGAPIXEL = 24.0, 25.0
-_REST_SHARE = {
-    "photo": 0.01,
-    "perception": 0.02,
-    "fit": 0.15,
-    "stage1": 0.13,
-    "stage2": 0.13,
-    "stage3": 0.16,
-    "stage4": 0.04,
-    "stage5": 0.05,
-    "finish": 0.31,
-}
+_BEFORE, _AFTER = {"photo": 0.01, "perception": 0.02, "fit": 0.15}, {"finish": 0.31}
 
 _UNITS = {"GB": 1e9, "GIB": 2.0**30, "MB": 1e6, "MIB": 2.0**20}
 
@@ -53,13 +44,13 @@ def plan(resolution: int, iterations: Mapping[str, int], cores: int) -> dict[str
     megapixels = resolution**2 / 1e6
     rest = _REST + _REST_PER_MEGAPIXEL * megapixels
     speed = min(cores, 4) / _CORES
-    found: dict[str, float] = {}
-    for step, share in _REST_SHARE.items():
-        if step in iterations or step not in _PACE:
-            each, more = _PACE.get(step, (0.0, 0.0))
-            pace = (each + more * megapixels) / 1000
-            found[step] = (share * rest + iterations.get(step, 0) * pace) / speed
-    return found
+    stages = {
+        step: count * (each + more * megapixels) / 1000 + share * rest
+        for step, (each, more, share) in _PACE.items()
+        if (count := iterations.get(step)) is not None
+    }
+    before, after = ({step: s * rest for step, s in part.items()} for part in (_BEFORE, _AFTER))
+    return {step: seconds / speed for step, seconds in (before | stages | after).items()}
 
 
 def cores() -> int:

@@ -62,7 +62,7 @@ def mitsuba() -> ModuleType:
     if wanted is not None and wanted not in known:
         raise MachineError(f"{VARIANT_VARIABLE}={wanted}: choose one of {', '.join(known)}")
     backends = {"cuda_ad_rgb": dr.JitBackend.CUDA, "llvm_ad_rgb": dr.JitBackend.LLVM}
-    version = tuple(map(int, dr.detail.llvm_version()))  # pyright: ignore[reportUnknownMemberType]
+    version = tuple(map(int, dr.detail.llvm_version()))  # pyright: ignore
     if (0,) < version < (16,):
         raise MachineError(
             f"LLVM {version[0]} was loaded, which crashes on these kernels: "

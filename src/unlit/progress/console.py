@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
-from typing import Protocol
+from typing import Any
 
 from rich.console import Console
 
@@ -45,21 +45,15 @@ class RunConsole(Display):
         return (before + self._plan[step] * part) / sum(self._plan.values())
 
 
-class Named(Protocol):
-    """A file by its name and its size in bytes."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def size(self) -> int: ...
-
-
 class FetchConsole(Display):
-    """The progress of downloads; call it with (file, bytes so far, bytes in all)."""
+    """The progress of downloads; call it with (file, bytes so far, bytes in all).
+
+    file: by its `name` and its `size`, bytes.
+    """
 
     _name = ""
 
-    def __call__(self, file: Named, done: int, total: int) -> None:
+    def __call__(self, file: Any, done: int, total: int) -> None:
         begins, self._name = file.name != self._name, file.name
         text = f"fetching {file.name}: {done / 1e6:.1f} of {total / 1e6:.1f} MB"
         kept = f", {file.size / 1e6:.0f} MB of it kept" if total > 1.1 * file.size else ""

@@ -28,18 +28,8 @@ class Kind:
 
 #: Greatest sizes that are read: pixels a side, vertices, triangles, texture coordinates, lobes,
 #: landmarks, pixels of a mask, cells of a light, bytes of text.
-_LIMITS = {
-    "S": 4096,
-    "V": 4_000_000,
-    "F": 8_000_000,
-    "T": 8_000_000,
-    "K": 100_000,
-    "L": 100_000,
-    "M": 100_000,
-    "P": 4096**2,
-    "D": 1_000_000,
-    "B": 16 << 20,
-}
+_SMALL = {"S": 4096, "K": 100_000, "L": 100_000, "M": 100_000, "D": 1_000_000}
+_LIMITS = _SMALL | {"V": 4_000_000, "F": 8_000_000, "T": 8_000_000, "P": 4096**2, "B": 16 << 20}
 
 
 def check_indices(path: Path, name: str, index: np.ndarray, size: int, low: int = 0) -> None:

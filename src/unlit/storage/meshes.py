@@ -4,6 +4,7 @@ Only what a scan needs: positions, one set of texture coordinates, polygons (cut
 files come from anywhere, so sizes and indices are checked before they are used.
 """
 
+# pyright: basic
 from __future__ import annotations
 
 import json
@@ -105,8 +106,6 @@ def _obj(content: bytes) -> Surface:
                 corners.append([_obj_index(p[0], len(vertices)) for p in parts])
                 if all(len(p) > 1 and p[1] for p in parts):
                     corners_uv.append([_obj_index(p[1], len(uv)) for p in parts])
-            case _:
-                pass
     mapped = bool(uv) and len(corners_uv) == len(corners)
     return Surface(
         np.array(vertices, dtype=np.float64).reshape(-1, 3),
@@ -143,10 +142,6 @@ _PLY_TYPES = {
 _PLY_UV = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"))
 
 
-#: Name, count and properties, each the words of its line.
-Element = tuple[str, int, list[list[str]]]
-
-
 def _ply(content: bytes) -> Surface:
     header, _, body = content.partition(b"end_header")
     lines = header.decode("ascii", errors="replace").split("\n")
@@ -154,8 +149,7 @@ def _ply(content: bytes) -> Surface:
         raise ValueError("no header")
     body = body[body.index(b"\n") + 1 :]
     order = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
-    style = ""
-    elements: list[Element] = []
+    style, elements = "", []
     for words in (line.split() for line in lines[1:]):
         match words:
             case ["format", name, _]:
@@ -166,8 +160,6 @@ def _ply(content: bytes) -> Surface:
                 elements.append((name, int(count), []))
             case ["property", *rest]:
                 elements[-1][2].append(rest)
-            case _:
-                pass
     read = _ply_ascii if style == "" else _ply_binary
     tables = read(body, elements, style)
     vertex = tables["vertex"]
@@ -187,7 +179,7 @@ def _ply(content: bytes) -> Surface:
 Table = dict[str, Any]
 
 
-def _ply_ascii(body: bytes, elements: list[Element], style: str) -> dict[str, Table]:
+def _ply_ascii(body: bytes, elements: list[Any], style: str) -> dict[str, Table]:
     lines = body.decode("ascii", errors="replace").split("\n")
     if sum(count for _, count, _ in elements) > len(lines):
         raise ValueError("cut off")
@@ -208,7 +200,7 @@ def _ply_ascii(body: bytes, elements: list[Element], style: str) -> dict[str, Ta
     return tables
 
 
-def _ply_binary(body: bytes, elements: list[Element], style: str) -> dict[str, Table]:
+def _ply_binary(body: bytes, elements: list[Any], style: str) -> dict[str, Table]:
     tables: dict[str, Table] = {}
     offset = 0
     for name, count, properties in elements:
@@ -218,7 +210,7 @@ def _ply_binary(body: bytes, elements: list[Element], style: str) -> dict[str, T
             tables[name] = {n: data[n] for n in kind.names or ()}
             offset += kind.itemsize * count
             continue
-        table: Table = {p[-1]: [] for p in properties}
+        table = {p[-1]: [] for p in properties}
         for _ in range(count):
             for p in properties:
                 if p[0] == "list":
@@ -243,8 +235,7 @@ _GLB_WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
 def _glb(content: bytes) -> Surface:
     if content[:4] != b"glTF":
         raise ValueError("no glTF mark")
-    chunks: list[bytes] = []
-    offset = 12
+    chunks, offset = [], 12
     while offset < len(content):
         (size,) = struct.unpack_from("<I", content, offset)
         chunks.append(content[offset + 8 : offset + 8 + size])
@@ -273,10 +264,7 @@ def _glb(content: bytes) -> Surface:
         )
         return np.array(packed)
 
-    vertices: list[np.ndarray] = []
-    triangles: list[np.ndarray] = []
-    uv: list[np.ndarray | None] = []
-    base = 0
+    vertices, triangles, uv, base = [], [], [], 0
     for node, matrix in _glb_nodes(document):
         for primitive in document["meshes"][node["mesh"]]["primitives"]:
             if primitive.get("mode", 4) != 4:
@@ -303,8 +291,7 @@ def _glb_nodes(document: Any) -> list[tuple[Any, np.ndarray]]:
     """The nodes that carry a mesh, with their matrices to the file's frame: a tree."""
     nodes = document["nodes"]
     children = {child for node in nodes for child in node.get("children", ())}
-    found: list[tuple[Any, np.ndarray]] = []
-    visited: set[int] = set()
+    found, visited = [], set()
     pending = [(k, np.eye(4)) for k in range(len(nodes)) if k not in children]
     while pending:
         index, above = pending.pop()
