@@ -66,6 +66,6 @@ class Reconstruction:
         size, lobes = len(self.photo.image), len(self.light.sharpness)
         mesh = self.face.mesh
         return (
-            f"Reconstruction({self.photo.name!r}: {size} x {size} pixels, "
+            f"{type(self).__name__}({self.photo.name!r}: {size} x {size} pixels, "
             f"{len(mesh.vertices):,} vertices, {lobes} lobes of light)"
         )
