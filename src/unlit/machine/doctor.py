@@ -69,7 +69,7 @@ def checks() -> list[Check]:
         *_models(),
         _memory(),
         _disk(),
-        _cores(),
+        Check("cores", True, f"{cores()} usable"),
     ]
 
 
@@ -193,7 +193,3 @@ def _disk() -> Check:
         return Check("disk", False, f"{existing} is not writable", remedy + assets.FOLDER_VARIABLE)
     ok = free >= NEEDED_DISK
     return Check("disk", ok, detail, "" if ok else f"free {NEEDED_DISK >> 20} MB there")
-
-
-def _cores() -> Check:
-    return Check("cores", True, f"{cores()} usable")

@@ -121,23 +121,13 @@ def _obj_index(word: str, count: int) -> int:
     return number - 1 if number >= 0 else count + number
 
 
+_PLY_NAMES = (
+    "char uchar short ushort int uint float double",
+    "int8 uint8 int16 uint16 int32 uint32 float32 float64",
+)
+_PLY_KINDS = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 _PLY_TYPES = {
-    "char": "i1",
-    "uchar": "u1",
-    "short": "i2",
-    "ushort": "u2",
-    "int": "i4",
-    "uint": "u4",
-    "float": "f4",
-    "double": "f8",
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "i2",
-    "uint16": "u2",
-    "int32": "i4",
-    "uint32": "u4",
-    "float32": "f4",
-    "float64": "f8",
+    name: kind for names in _PLY_NAMES for name, kind in zip(names.split(), _PLY_KINDS, strict=True)
 }
 _PLY_UV = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"))
 
