@@ -54,7 +54,7 @@ def drawn_landmarks(gap: float = 0.0) -> np.ndarray:
         put(cheek, ring(11, (x, 155), (14, 12)))
     for indices, x in zip(topology.BRIDGE_LINES, (0, -6, 6), strict=True):
         ends = [(MIDDLE[0] + x, EYES + y) for y in (-10, 16)]
-        put(indices, np.linspace(*ends, len(indices)))
+        put(indices, np.linspace(ends[0], ends[1], len(indices)))
     put(topology.LIPS_OUTER, ring(20, (MIDDLE[0], MOUTH), (26, 12)))
     put(topology.LIPS_INNER, ring(20, (MIDDLE[0], MOUTH), (22, 0)))
     for upper, lower in topology.LIP_GAP:

@@ -19,7 +19,7 @@ def worn(bridge: bool, value: float) -> tuple[np.ndarray, np.ndarray]:
         cv2.circle(frame, centre, 24, 1, 3)
     if bridge:
         ends = [(round(MIDDLE[0]) + x, round(EYES)) for x in (-10, 10)]
-        cv2.line(frame, *ends, 1, 3)
+        cv2.line(frame, ends[0], ends[1], 1, 3)
     image = drawn_face(LANDMARKS)
     image[frame > 0] = value
     return image, frame > 0

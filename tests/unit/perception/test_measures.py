@@ -45,7 +45,7 @@ def test_only_narrow_dark_structures_are_lines() -> None:
 
 def test_light_changes_the_last_colour_only() -> None:
     """Half of the light: log-chromaticity stays, log-luminance falls by log 2."""
-    image = np.tile(np.float32([0.8, 0.4, 0.2]), (3, 3, 1))
+    image = np.tile(np.array([0.8, 0.4, 0.2], np.float32), (3, 3, 1))
     change = colours(image / 2) - colours(image)
     np.testing.assert_allclose(change[..., 2], -np.log(2), atol=0.02)
     assert np.abs(change[..., :2]).max() < 0.02
