@@ -41,7 +41,9 @@ def test_image_l1() -> None:
     target = np.clip(RNG.uniform(0, 1, (40, 3)), *UNCLIPPED)
     weight = RNG.uniform(0, 1, 40)
     weight /= weight.sum()
-    expected = (weight[:, None] * np.abs(np.clip(encode_srgb(render), *UNCLIPPED) - target)).sum() / 3
+    expected = (
+        weight[:, None] * np.abs(np.clip(encode_srgb(render), *UNCLIPPED) - target)
+    ).sum() / 3
     ours = image_l1(mi.Color3f(columns(render)), mi.Color3f(columns(target)), mi.Float(weight))
     assert ours.numpy() == pytest.approx(expected, rel=1e-4)
 

@@ -108,9 +108,7 @@ def face() -> Reconstruction:
         Images(shading, np.zeros_like(shading), render),
         gain=0.1 + 0.6,
         settings=override(PRESETS["draft"], {"clip": 0.1 + 0.2, "stage1.iterations": 3}),
-        metrics=Metrics(
-            {"stage1": [(0, 1e-17), (2, 0.3)]}, {"photo": 1 / 3}, 700.5, ("dark",), 2
-        ),
+        metrics=Metrics({"stage1": [(0, 1e-17), (2, 0.3)]}, {"photo": 1 / 3}, 700.5, ("dark",), 2),
     )
 
 

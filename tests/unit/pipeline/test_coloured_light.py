@@ -81,7 +81,9 @@ def test_relit_by_its_own_light_it_is_the_photo_again(white, coloured):
     own = relit(coloured, coloured.light)
     np.testing.assert_allclose(own, relit(white, white.light) * COLOR, rtol=1e-3, atol=1e-5)
     inside = coloured.face.mask > 0.5
-    np.testing.assert_allclose(own[inside].mean(0), coloured.images.render[inside].mean(0), rtol=0.02)
+    np.testing.assert_allclose(
+        own[inside].mean(0), coloured.images.render[inside].mean(0), rtol=0.02
+    )
     uniform = np.ones((180, 360), np.float32)
     np.testing.assert_array_equal(relit(coloured, uniform), relit(white, uniform))
 
@@ -121,9 +123,7 @@ def test_the_skin_gets_the_albedo_that_is_known(pinned):
 def test_a_measured_illuminance_is_that_of_the_result(white):
     """The best-lit skin gets it, the albedo follows, and the picture stays."""
     measured = replace(tiny_run.photo(), white_luminance=1000.0)
-    lit = tiny_run.run(
-        chosen=tiny_run.settings(exposure="2400lux"), known=tiny_run.steps(measured)
-    )
+    lit = tiny_run.run(chosen=tiny_run.settings(exposure="2400lux"), known=tiny_run.steps(measured))
     inside = white.face.mask > 0
     full = full_light(lit.images.diffuse_shading[inside])
     assert np.pi * 1000 * full == pytest.approx(2400, rel=0.01)
