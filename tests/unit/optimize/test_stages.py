@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -43,7 +44,7 @@ class Stages:
 
     def pairs(self) -> Iterator[tuple[str, dict[str, np.ndarray], dict[str, np.ndarray]]]:
         names = list(self.estimates)
-        for before, after in zip(names, names[1:], strict=False):
+        for before, after in pairwise(names):
             yield after, self.estimates[before], self.estimates[after]
 
 

@@ -48,7 +48,7 @@ def test_relight_is_the_path_tracers() -> None:
 
 def test_a_light_that_turns() -> None:
     """Frames of one preparation are what the turned maps give when each is prepared alone."""
-    relighter = Relighter(small_head(SIZE))
+    relighter = Relighter(small_head(SIZE).face)
     colours = np.array([1, 0.8, 0.5], np.float32)
     for light in (sun(0, 25), (0.1 + disc((0, 0.4, 0.9), half_angle=12))[..., None] * colours):
         lit = relighter.under(light, [0, 77.7, -130])
@@ -61,7 +61,7 @@ def test_a_light_that_turns() -> None:
 
 def test_uniform_and_no_light() -> None:
     """A uniform light may turn as it likes; without light the picture is black."""
-    relighter = Relighter(small_head(SIZE))
+    relighter = Relighter(small_head(SIZE).face)
     lit = relighter.under(uniform(), [0, 33])
     assert lit.image(1) == pytest.approx(lit.image(0), rel=1e-5, abs=1e-6)
     assert relighter(0 * uniform()).max() == 0
