@@ -19,6 +19,7 @@ from PIL import Image
 
 import unlit
 import unlit.output
+from unlit.face.reconstruction import Metrics
 from unlit.photo.photo import Photo
 from unlit.storage.folder import MARK, MARK_TEXT, write_all
 
@@ -44,16 +45,17 @@ def install(log: Path, seconds: float = 0.0, patch: Any = None) -> None:
             time.sleep(seconds / 10)
         note("end", photo.source)
         return types.SimpleNamespace(
-            render=photo.pixels,
-            image=photo.pixels * 0.9,
-            mask=np.ones(photo.pixels.shape[:2]),
+            images=types.SimpleNamespace(render=photo.pixels),
+            photo=types.SimpleNamespace(image=photo.pixels * 0.9),
+            face=types.SimpleNamespace(mask=np.ones(photo.pixels.shape[:2])),
+            head=types.SimpleNamespace(landmark_residual=0.02),
             content=f"{photo.source} {face} {settings.resolution}",
-            metrics={
-                "landmark_residual": 0.02,
-                "losses": {"stage1": [(0, 0.9), (9, 0.5)]},
-                "seconds": {"photo": 0.1, "stage1": seconds},
-                "warnings": ["the face is small"],
-            },
+            metrics=Metrics(
+                losses={"stage1": [(0, 0.9), (9, 0.5)]},
+                seconds={"photo": 0.1, "stage1": seconds},
+                peak_memory_mb=700.0,
+                warnings=("the face is small",),
+            ),
         )
 
     def save(result: Any, folder: Path, log: str = "") -> None:
@@ -64,7 +66,6 @@ def install(log: Path, seconds: float = 0.0, patch: Any = None) -> None:
 
     pipeline = types.ModuleType("unlit.pipeline.chain")
     pipeline.reconstruct = reconstruct  # type: ignore[attr-defined]
-    pipeline.choose = lambda faces, which, source: faces[0]  # type: ignore[attr-defined]
     if patch is None:
         sys.modules["unlit.pipeline.chain"] = pipeline
         unlit.output.save = save  # type: ignore[assignment]

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from changed import changed
 from small_head import save_quickly, small_head
 from unlit.face.reconstruction import Reconstruction
+from unlit.output import save
 from unlit.photo.crop import Crop
 from unlit.photo.photo import read_photo
 
@@ -35,13 +37,15 @@ def saved_head(place: Path) -> Saved:
     distance = np.hypot(*(np.mgrid[:SIZE, :SIZE] - SIZE / 2))
     soft = np.clip(3 - 3 * distance / (0.4 * SIZE), 0, 1)
     crop = Crop(np.array([[0.7, 0, -20.3], [0, 0.7, -8.6]]), SIZE)
-    face = replace(
+    face = changed(
         head,
-        crop=crop,
-        image=np.maximum(crop.image(read_photo(photo).pixels), 0),
-        mask=(head.face.mask * soft).astype(np.float32),
+        {
+            "photo.crop": crop,
+            "photo.image": np.maximum(crop.image(read_photo(photo).pixels), 0),
+            "face.mask": (head.face.mask * soft).astype(np.float32),
+        },
     )
     with pytest.MonkeyPatch.context() as patch:
         save_quickly(patch)
-        face.save(place / "result")
+        save(face, place / "result")
     return Saved(face, place / "result", photo)

@@ -13,12 +13,19 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from unlit.face.reconstruction import Reconstruction
+from unlit.face.conditions import Conditions
+from unlit.face.face import Face, Normals, PosedMesh
+from unlit.face.head import FittedHead
+from unlit.face.photo import FacePhoto
+from unlit.face.reconstruction import Images, Metrics, Reconstruction
+from unlit.perception.regions import Regions
 from unlit.photo.crop import Crop
 from unlit.scene.camera import Camera
 from unlit.scene.light import SphericalGaussians
 from unlit.scene.maps import Maps, fill
 from unlit.scene.mesh import Mesh, surface
+from unlit.scene.surface_points import SurfacePoints
+from unlit.settings.settings import Settings
 
 DISTANCE = 80.0
 CENTRE = np.array([0.3, -0.2, -DISTANCE])
@@ -135,37 +142,36 @@ def small_head(
     regions[..., 2] = region.reshape(size, size)
     regions[..., 0] = 1 - regions[..., 2]
     zero = np.zeros((size, size, 3), np.float32)
+    posed = PosedMesh(vertices, triangles, uv, triangle_uv)
+    crop = Crop(np.eye(2, 3), size)
     return Reconstruction(
-        photo_name="small head",
-        image=zero,
-        camera=camera,
-        crop=Crop(np.eye(2, 3), size),
-        vertices=vertices,
-        triangles=triangles,
-        uv=uv,
-        triangle_uv=triangle_uv,
-        diffuse_albedo=maps.diffuse_albedo,
-        specular_albedo=gloss,
-        roughness=rough,
-        perturbation=perturbation,
-        specular_normal=bent(perturbation),
-        diffuse_normal=bent(maps.diffuse_perturbation()),
-        diffuse_shading=zero,
-        specular_shading=zero,
-        render=zero,
-        mask=mask.reshape(size, size),
-        regions=regions,
-        light=SphericalGaussians(
+        FacePhoto("small head", zero, camera, crop, Regions(regions), np.zeros((478, 3))),
+        FittedHead(posed, np.zeros((5, 2), np.float32), SurfacePoints.empty(5)),
+        Conditions(),
+        Face(
+            camera,
+            posed,
+            maps,
+            Normals(bent(perturbation), bent(maps.diffuse_perturbation())),
+            mask.reshape(size, size),
+        ),
+        SphericalGaussians(
             np.array([[0.5, 0.5, 0.7], [-0.9, 0.1, 0.4]], np.float32),
             np.array([20.0, 3.0], np.float32),
             np.array([1.5, 0.5], np.float32),
         ),
-        settings={},
-        metrics={},
+        Images(zero, zero, zero),
+        1.0,
+        Settings(),
+        Metrics({}, {}, 0.0),
     )
 
 
 def save_quickly(patch: pytest.MonkeyPatch) -> None:
     """When a result is saved, let the albedo stand in for relit faces, and bake a small atlas."""
-    patch.setattr(Reconstruction, "relight", lambda self, light: self.diffuse_albedo)
+
+    def albedo(face: Face) -> Callable[[object], np.ndarray]:
+        return lambda light: face.maps.diffuse_albedo
+
+    patch.setattr(importlib.import_module("unlit.output.montage"), "Relighter", albedo)
     patch.setattr(importlib.import_module("unlit.output.save"), "ATLAS_SIZE", 64)

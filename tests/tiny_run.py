@@ -16,25 +16,43 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 
 # isort: split
 from bumpy_head import bumpy_head, camera
+from unlit.face.conditions import Conditions
+from unlit.face.face import PosedMesh
+from unlit.face.gain import AlbedoGain
+from unlit.face.head import FittedHead
+from unlit.face.photo import FacePhoto
 from unlit.face.reconstruction import Reconstruction
 from unlit.optimize.checkpoint import Checkpoint
+from unlit.optimize.observation import observation
+from unlit.optimize.problem import Problem
+from unlit.optimize.run_record import RunRecord
 from unlit.output.arrays import write_arrays
 from unlit.perception.regions import Regions
 from unlit.photo.crop import Crop
-from unlit.pipeline.chain import Capture, Head, solve
+from unlit.pipeline.chain import Preview, Steps, run_chain
+from unlit.scene.surface_points import SurfacePoints
+from unlit.settings.conditions import CastShadow
 from unlit.settings.settings import Settings, override
 
 SIZE = 32
 
 
 def settings(**changes: object) -> Settings:
-    """Three refreshes in every stage; the mesh moves far enough for its rays to be traced anew."""
-    short = Settings(resolution=SIZE, refresh_interval=2, light_points=150, retrace_distance=0.001)
+    """Three refreshes in every stage; the mesh moves far enough for its rays to be traced anew.
+
+    The resolution, of which only `observe` takes notice, is the default: SIZE is no valid one.
+    """
+    short = Settings(
+        refresh_interval=2,
+        light_points=150,
+        retrace_distance=0.001,
+        cast_shadow=CastShadow(mode="keep"),
+    )
     stages = {f"stage{k}": replace(getattr(short, f"stage{k}"), iterations=5) for k in range(1, 6)}
     return override(replace(short, **stages), changes)
 
 
-def capture(seed: int = 1) -> Capture:
+def photo(seed: int = 1) -> FacePhoto:
     """A head lit from the upper left, noise for skin, five of its vertices as landmarks."""
     rng = np.random.default_rng(seed)
     ys, xs = (np.mgrid[0:SIZE, 0:SIZE] + 0.5) / SIZE
@@ -45,30 +63,53 @@ def capture(seed: int = 1) -> Capture:
     weights[..., 1] = weights[..., 0] * (ys > 0.65)
     weights[..., 0] -= weights[..., 1]
     weights[..., 5] = 1 - weights[..., :4].sum(axis=-1)
-    seen = head().vertices[head().triangles[:5, 0]]
-    landmarks = camera(SIZE).project(seen) + 0.7
+    landmarks = np.pad(head().landmarks.astype(np.float64), ((0, 0), (0, 1)))
     crop = Crop(np.eye(2, 3), SIZE)
-    return Capture("tiny.png", image, camera(SIZE), crop, Regions(weights), landmarks)
+    return FacePhoto("tiny.png", image, camera(SIZE), crop, Regions(weights), landmarks)
 
 
-def head() -> Head:
-    """The mesh, with a landmark at the first corner of each of its first five triangles."""
+def head() -> FittedHead:
+    """The mesh, with a landmark near the first corner of each of its first five triangles."""
     vertices, triangles = bumpy_head(3)
-    uv = np.zeros((1, 2), np.float32)
+    posed = PosedMesh(vertices, triangles, np.zeros((1, 2), np.float32), np.zeros_like(triangles))
+    landmarks = (camera(SIZE).project(vertices[triangles[:5, 0]]) + 0.7).astype(np.float32)
     at_corner = np.eye(1, 3, dtype=np.float32).repeat(5, axis=0)
-    layout = np.zeros_like(triangles)
-    return Head(vertices, triangles, uv, layout, np.arange(5, dtype=np.int32), at_corner)
+    return FittedHead(posed, landmarks, SurfacePoints(np.arange(5, dtype=np.int32), at_corner))
+
+
+def steps(
+    seen: FacePhoto | None = None,
+    fitted: FittedHead | None = None,
+    conditions: Conditions | None = None,
+) -> Steps:
+    """Steps that give what is known: `photo()`, `head()` and white light, or others."""
+    known = seen or photo(), fitted or head(), conditions or Conditions()
+    return Steps(lambda _: known[0], lambda *_: known[1], lambda *_: known[2])
 
 
 def run(
-    checkpoint: Checkpoint | None = None, chosen: Settings | None = None, name: str = "tiny.png"
+    checkpoint: Checkpoint | None = None,
+    chosen: Settings | None = None,
+    name: str = "tiny.png",
+    known: Steps | None = None,
+    preview: Preview | None = None,
 ) -> Reconstruction:
     """The result; the state is kept in `checkpoint`."""
-    chosen, seen = chosen or settings(), capture()
-    if checkpoint is None:
-        return solve(seen, head(), chosen)
-    checkpoint.belongs_to((name, name), chosen, {"face": "only"})
-    return solve(seen, head(), chosen, begin=checkpoint.begin, keep=checkpoint.keep)
+    chosen = chosen or settings()
+    if checkpoint is not None:
+        checkpoint.belongs_to((name, name), chosen, {"face": "only"})
+    return run_chain(known or steps(), chosen, record(), checkpoint, preview)
+
+
+def record() -> RunRecord:
+    """A new one, that tells nobody."""
+    return RunRecord(lambda *_: None)
+
+
+def problem(chosen: Settings | None = None, report: RunRecord | None = None) -> Problem:
+    """What the stages get."""
+    seen = observation(photo(), head(), Conditions())
+    return Problem(seen, chosen or settings(), AlbedoGain(), report or record())
 
 
 if __name__ == "__main__":

@@ -14,10 +14,13 @@ from scipy import ndimage
 import unlit
 from unlit.evaluate.metrics import best_gain
 from unlit.evaluate.psnr import psnr
+from unlit.face.head import FittedHead
+from unlit.face.photo import FacePhoto
 from unlit.face.reconstruction import Reconstruction
-from unlit.pipeline.chain import Capture, Head, observe, solve, without_cast_shadow
+from unlit.optimize.run_record import RunRecord
+from unlit.pipeline.chain import run_chain, steps_of
 
-SIZE = 256
+SIZE = 256  # that of `draft`
 #: Landmarks: the forehead's outline, tops of the brows, corners of both eyes.
 FOREHEAD = [10, 338, 297, 332, 284, 54, 103, 67, 109]
 BROWS = [105, 334]
@@ -75,24 +78,26 @@ def _painted(image: np.ndarray, where: np.ndarray, values: np.ndarray) -> np.nda
     return out
 
 
-def reconstructed(image: np.ndarray, subject: Any) -> tuple[Capture, Reconstruction]:
+def reconstructed(image: np.ndarray, subject: Any) -> Reconstruction:
     """On the true mesh, so that only appearance is judged."""
     photo = unlit.Photo.of(image.astype(np.float32))
-    capture = observe(photo, SIZE, camera=subject.camera)
-    head = Head.of_mesh(subject.vertices, subject.triangles)
-    capture = without_cast_shadow(capture, head, unlit.PRESETS["draft"])
-    return capture, solve(capture, head, unlit.PRESETS["draft"])
+
+    def true_head(seen: FacePhoto, _: unlit.Settings) -> FittedHead:
+        return FittedHead.of_mesh(subject.vertices, subject.triangles, seen.landmarks)
+
+    steps = steps_of(photo, true_head, camera=subject.camera)
+    return run_chain(steps, unlit.PRESETS["draft"], RunRecord(lambda *_: None))
 
 
 @functools.cache
-def clean(shared: Path, skin: str) -> tuple[Any, np.ndarray, Capture, Reconstruction]:
+def clean(shared: Path, skin: str) -> tuple[Any, np.ndarray, Reconstruction]:
     """Subject, photo (linear), and what comes of it."""
     from ict import ict_subject
 
     subject = ict_subject(shared, skin, seed=1, size=SIZE)
     flash = subject.photograph(unlit.lights.flash(), samples=64)
     image = flash * (0.8 / np.percentile(flash[subject.mask], 99))
-    return subject, image, *reconstructed(image, subject)
+    return subject, image, reconstructed(image, subject)
 
 
 _BRIGHTER = pytest.mark.xfail(strict=True, reason="3.9 dB, of brightness: docs/method.md, 9, 12.8")
@@ -109,12 +114,12 @@ _BRIGHTER = pytest.mark.xfail(strict=True, reason="3.9 dB, of brightness: docs/m
 )
 def test_the_rest_of_the_skin_keeps_its_albedo(shared: Path, skin: str, spoil: Any) -> None:
     """Within 1 dB of the clean photo's, away from what was spoilt."""
-    subject, image, capture, whole = clean(shared, skin)
+    subject, image, whole = clean(shared, skin)
     true = subject.maps.diffuse_albedo
-    spoilt, where = spoil(image, capture.landmarks[:, :2], subject.mask)
-    _, face = reconstructed(spoilt, subject)
+    spoilt, where = spoil(image, whole.photo.landmarks[:, :2], subject.mask)
+    face = reconstructed(spoilt, subject)
     inside = subject.mask & (whole.face.mask > 0.5) & (face.face.mask > 0.5)
-    inside &= (capture.regions.eyes < 0.3) & ~ndimage.binary_dilation(where, iterations=4)
+    inside &= (whole.photo.regions.eyes < 0.3) & ~ndimage.binary_dilation(where, iterations=4)
     before, after = (
         psnr(albedo * best_gain(albedo, true, inside), true, inside)
         for albedo in (whole.face.maps.diffuse_albedo, face.face.maps.diffuse_albedo)
@@ -125,11 +130,11 @@ def test_the_rest_of_the_skin_keeps_its_albedo(shared: Path, skin: str, spoil: A
 @pytest.mark.long
 def test_a_cast_shadow_is_not_painted_into_the_albedo(shared: Path) -> None:
     """Under the brim it is filled in from around."""
-    subject, image, capture, _ = clean(shared, "light")
-    spoilt, where = hat(image, capture.landmarks[:, :2], subject.mask)
-    capture, face = reconstructed(spoilt, subject)
-    assert capture.lit is not None
-    inside = subject.mask & (face.face.mask > 0.5) & (capture.regions.eyebrows < 0.1)
+    subject, image, whole = clean(shared, "light")
+    spoilt, where = hat(image, whole.photo.landmarks[:, :2], subject.mask)
+    face = reconstructed(spoilt, subject)
+    assert face.conditions.visibility is not None
+    inside = subject.mask & (face.face.mask > 0.5) & (face.photo.regions.eyebrows < 0.1)
     true, lit = subject.maps.diffuse_albedo, inside & ~where
     gain = best_gain(face.face.maps.diffuse_albedo, true, lit)
     assert psnr(face.face.maps.diffuse_albedo * gain, true, inside & where) > 22

@@ -21,8 +21,12 @@ def test_flash_to_uniform(shared: Path, skin: str, true_mesh: bool, bar: float) 
     The bars are below what the whole schedule reaches (docs/method.md), for the preset is short.
     """
     from ict import ict_subject
+    from unlit.face.head import FittedHead
+    from unlit.face.photo import FacePhoto
     from unlit.head.sources.library import default_model
-    from unlit.pipeline.chain import Head, fitted_head, observe, solve
+    from unlit.optimize.run_record import RunRecord
+    from unlit.pipeline.chain import fitting, run_chain, steps_of
+    from unlit.render.relighter import Relighter
 
     subject = ict_subject(shared, skin, seed=1, size=256)
     flash, uniform = (
@@ -30,14 +34,15 @@ def test_flash_to_uniform(shared: Path, skin: str, true_mesh: bool, bar: float) 
         for light in (unlit.lights.flash(), unlit.lights.uniform())
     )
     photo = unlit.Photo.of(flash * (0.8 / np.percentile(flash[subject.mask], 99)))
-    settings = unlit.PRESETS["draft"]
-    capture = observe(photo, 256, camera=subject.camera)
-    if true_mesh:
-        head = Head.of_mesh(subject.vertices, subject.triangles)
-    else:
-        head = fitted_head(capture, default_model(), settings)
-    face = solve(capture, head, settings)
-    relit = face.relight(unlit.lights.uniform())
-    inside = subject.mask & (face.mask > 0.5) & (capture.regions.eyes < 0.3)
+    settings = unlit.override(unlit.PRESETS["draft"], {"cast_shadow.mode": "keep"})
+
+    def true_head(seen: FacePhoto, _: unlit.Settings) -> FittedHead:
+        return FittedHead.of_mesh(subject.vertices, subject.triangles, seen.landmarks)
+
+    fit = true_head if true_mesh else fitting(default_model())
+    steps = steps_of(photo, fit, camera=subject.camera)
+    result = run_chain(steps, settings, RunRecord(lambda *_: None))
+    relit = Relighter(result.face)(unlit.lights.uniform())
+    inside = subject.mask & (result.face.mask > 0.5) & (result.photo.regions.eyes < 0.3)
     gain = best_gain(relit, uniform, inside)
     assert psnr(relit * gain, uniform, inside) > bar

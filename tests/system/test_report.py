@@ -9,7 +9,6 @@ import io
 import os
 import shutil
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +16,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from changed import changed
 from report_head import report_head
 from unlit.color import encode_srgb
 from unlit.output.atlas import bake
 from unlit.relighting.lights import exposed, named
+from unlit.render.relighter import Relighter
 from unlit.report.bundle import program
 from unlit.report.page import report_html
 from unlit.report.stages import stage_pictures
@@ -41,12 +42,14 @@ pytestmark = pytest.mark.skipif(
 def face() -> Any:
     """The small head under its own light, shaded by our renderer."""
     head = report_head(SIZE)
-    return replace(head, render=head.relight(head.light))
+    return changed(head, {"images.render": Relighter(head.face)(head.light)})
 
 
 @pytest.fixture(scope="module")
 def report(face: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    before, after = (stage_pictures(replace(face, render=face.render * f)) for f in (0.5, 1))
+    before, after = (
+        stage_pictures(changed(face, {"images.render": face.images.render * f})) for f in (0.5, 1)
+    )
     path = tmp_path_factory.mktemp("report") / "report.html"
     stages = [("stage1", before), ("stage2", after)]
     path.write_text(report_html(face, bake(face, 512), stages), encoding="utf-8")
@@ -132,8 +135,8 @@ def change(a: np.ndarray, b: np.ndarray) -> float:
 
 def test_the_viewer_agrees_with_our_renderer(view: Open, face: Any) -> None:
     """At the photo's camera and light, inside the mask."""
-    inside = face.mask > 0
-    error = (view.picture() - np.clip(encode_srgb(face.render), 0, 1))[inside]
+    inside = face.face.mask > 0
+    error = (view.picture() - np.clip(encode_srgb(face.images.render), 0, 1))[inside]
     assert -10 * np.log10(np.mean(error**2)) > 30
 
 
@@ -205,8 +208,8 @@ def test_an_hdri_is_as_strong_as_for_relight(view: Open, face: Any, tmp_path: Pa
     cv2.imwrite(str(path), sky)
     view.page.set_input_files("#light-file", path)
     view.page.locator("#view-state", has_text="Lit by sky").wait_for()
-    wanted = face.relight(exposed(named(str(path)), path.name))
-    error = (view.picture() - np.clip(encode_srgb(wanted), 0, 1))[face.mask > 0]
+    wanted = Relighter(face.face)(exposed(named(str(path)), path.name))
+    error = (view.picture() - np.clip(encode_srgb(wanted), 0, 1))[face.face.mask > 0]
     assert -10 * np.log10(np.mean(error**2)) > 27
     view.set("light", "photo")
 

@@ -53,7 +53,7 @@ def test_killed_at_random_moments(tmp_path: Path) -> None:
     duration = run(*command(photo, tmp_path / "whole"))
     expected = (tmp_path / "whole" / "reconstruction.npz").read_bytes()
     assert (tmp_path / "first" / "reconstruction.npz").read_bytes() == expected
-    seconds = unlit.load(tmp_path / "whole").metrics["seconds"]
+    seconds = unlit.load(tmp_path / "whole").metrics.seconds
     parts = [seconds[f"stage{k}"] for k in range(1, 6)]
     parts = [duration - sum(parts[1:]) - 2, *parts[1:], 2.0]
     seed = random.randrange(1 << 32)

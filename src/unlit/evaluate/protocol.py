@@ -18,13 +18,14 @@ import numpy as np
 from ..color import encode_srgb
 from ..errors import SubjectError
 from ..face.head import FittedHead
+from ..face.photo import FacePhoto
 from ..face.reconstruction import Reconstruction
 from ..head.model import HeadModel
 from ..head.sources.library import head_model, model_key
 from ..optimize.problem import Progress
 from ..optimize.run_record import RunRecord
 from ..photo.photo import Photo
-from ..pipeline.chain import run_chain, steps_of
+from ..pipeline.chain import fitting, run_chain, steps_of
 from ..render.relighter import traced
 from ..settings.settings import Settings, as_dict
 from ..storage.keys import RECONSTRUCTION, RENDERING, code, key
@@ -219,14 +220,13 @@ class Study:
 
     def _reconstruct(self, name: str, photo: np.ndarray, settings: Settings) -> Reconstruction:
         source, camera = Photo.of(photo, name), self.subject.camera
-        steps = steps_of(source, self._head, "largest", camera=camera)
-        if self.true_mesh:
-            mesh = self.subject.mesh()
-            steps = replace(
-                steps, fit_head=lambda seen, _: FittedHead.of_mesh(*mesh, seen.landmarks)
-            )
+        fit = self._true_head if self.true_mesh else fitting(self._head)
+        steps = steps_of(source, fit, "largest", camera=camera)
         with self.running(name) as progress:
             return run_chain(steps, settings, RunRecord(progress))
+
+    def _true_head(self, seen: FacePhoto, _: Settings) -> FittedHead:
+        return FittedHead.of_mesh(*self.subject.mesh(), seen.landmarks)
 
     def _relight(self, face: Reconstruction, environment: np.ndarray) -> np.ndarray:
         return traced(face.face, environment, self.samples, 2 * self.seed + _RELIT)

@@ -59,7 +59,7 @@ def edited(
                 )
             files.append(file)
             taken[name] = values
-    return _changed(reconstruction, taken), files
+    return _changed(reconstruction, taken) if taken else reconstruction, files
 
 
 def _changed(r: Reconstruction, maps: dict[str, np.ndarray]) -> Reconstruction:

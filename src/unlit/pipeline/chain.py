@@ -39,24 +39,26 @@ from .observe import observe
 #: Called with (stage, the result so far) after the fit and after every stage.
 Preview = Callable[[str, Reconstruction], None]
 
+FitHead = Callable[[FacePhoto, Settings], FittedHead]
+
 
 @dataclass(frozen=True)
 class Steps:
     """The steps before the stages."""
 
     observe: Callable[[Settings], FacePhoto]
-    fit_head: Callable[[FacePhoto, Settings], FittedHead]
+    fit_head: FitHead
     estimate_conditions: Callable[[FacePhoto, FittedHead, Settings], Conditions]
 
 
 def steps_of(
     photo: Photo,
-    model: HeadModel,
+    fit: FitHead,
     face: str | int = "only",
     mask: np.ndarray | None = None,
     camera: Camera | None = None,
 ) -> Steps:
-    """The steps for a photo; arguments as for `observe`, and the head model to fit."""
+    """The steps for a photo; arguments as for `observe`, and how a head is fitted to it."""
 
     def seen(settings: Settings) -> FacePhoto:
         found = observe(photo, settings.resolution, face, camera, mask)
@@ -66,7 +68,12 @@ def steps_of(
     def conditions(seen: FacePhoto, head: FittedHead, settings: Settings) -> Conditions:
         return estimate_conditions(seen, head, photo, settings)
 
-    return Steps(seen, lambda seen, settings: fit_head(seen, model, settings), conditions)
+    return Steps(seen, fit, conditions)
+
+
+def fitting(model: HeadModel) -> FitHead:
+    """The step that fits `model`."""
+    return lambda seen, settings: fit_head(seen, model, settings)
 
 
 def run_chain(
@@ -131,7 +138,9 @@ def reconstruct(
         choices = {"face": face, "mask": None if kept is None else key(kept), "model": own}
         checkpoint.belongs_to((Path(loaded.source).name, pixels), settings, choices)
     run.lap("photo")
-    return run_chain(steps_of(loaded, model, face, kept), settings, run, checkpoint, preview)
+    return run_chain(
+        steps_of(loaded, fitting(model), face, kept), settings, run, checkpoint, preview
+    )
 
 
 def _as_photo(photo: str | Path | Photo | np.ndarray) -> Photo:

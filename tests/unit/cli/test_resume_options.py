@@ -10,8 +10,9 @@ from PIL import Image
 
 import unlit.pipeline
 from unlit import cli
+from unlit.face.reconstruction import Metrics
 from unlit.output import CHECKPOINT
-from unlit.settings.settings import PRESETS, as_dict
+from unlit.settings.settings import PRESETS, override
 from unlit.storage.folder import MARK, MARK_TEXT
 
 
@@ -23,19 +24,21 @@ def calls(monkeypatch) -> list:
     def stand_in(name: str):
         def run(*arguments, **options):
             asked.append((name, arguments, options))
-            return types.SimpleNamespace(metrics={})
+            return types.SimpleNamespace(
+                head=types.SimpleNamespace(landmark_residual=0.02),
+                metrics=Metrics({}, {}, 700.0, ("dark",)),
+            )
 
         return run
 
-    for module, function in (("chain", "reconstruct"), ("resume", "continued")):
+    for module, function in (("chain", "reconstruct"), ("resume", "resume")):
         fake = types.ModuleType(f"unlit.pipeline.{module}")
         setattr(fake, function, stand_in(function))
-        setattr(fake, "kept_fit", lambda *_: None)  # noqa: B010
+        fake.check_resumable = lambda *_: None
         monkeypatch.setitem(sys.modules, fake.__name__, fake)
         monkeypatch.setattr(unlit.pipeline, module, fake, raising=False)
-    face = types.SimpleNamespace(
-        settings={"resolution": 300, "stage5": {"iterations": 7}}, photo_name="old.jpg"
-    )
+    settings = override(PRESETS["paper"], {"resolution": 300, "stage5.iterations": 7})
+    face = types.SimpleNamespace(settings=settings, photo=types.SimpleNamespace(name="old.jpg"))
     monkeypatch.setattr("unlit.output.load", lambda folder: face)
     monkeypatch.setattr("unlit.output.edited", lambda face, folder, stage: (face, ["mask.png"]))
     monkeypatch.setattr("unlit.output.save", lambda *_: None)
@@ -76,14 +79,15 @@ def test_a_finished_result_is_neither_resumed_nor_replaced(
 ):
     """Finished is finished; a result of another photo, or done otherwise, is refused."""
     (tmp_path / MARK).write_text(MARK_TEXT)
-    same = types.SimpleNamespace(photo_name="a.png", settings=as_dict(PRESETS["paper"]))
+    photographed = types.SimpleNamespace(name="a.png")
+    same = types.SimpleNamespace(photo=photographed, settings=PRESETS["paper"])
     arguments = ["reconstruct", photo, "-o", str(tmp_path), "--resume"]
     monkeypatch.setattr("unlit.output.load", lambda _: same)
     assert cli.main(arguments) == 0
     assert "montage.png" in capsys.readouterr().out
     assert cli.main([*arguments, "--preset", "draft"]) == 1
     assert "holds a finished result of a.png" in capsys.readouterr().err
-    same.photo_name = "b.png"
+    photographed.name = "b.png"
     assert cli.main(arguments) == 1
     assert "holds a finished result of b.png" in capsys.readouterr().err
     assert not calls
@@ -105,11 +109,13 @@ def test_from_stage(calls, tmp_path, capsys):
     assert cli.main(arguments) == 0
     assert cli.main([*arguments, "-o", str(tmp_path / "new")]) == 0
     for name, (_, stage, settings, *_), _ in calls:
-        assert (name, stage) == ("continued", 4)
+        assert (name, stage) == ("resume", 4)
         assert (settings.resolution, settings.clip, settings.stage5.iterations) == (300, 3.0, 7)
     out, err = capsys.readouterr()
     assert [Path(line).parent for line in out.splitlines()] == [folder, tmp_path / "new"]
     assert "mask.png" in err
+    assert "landmark_residual  0.02" in err
+    assert "warning  dark" in err
 
 
 @pytest.mark.parametrize(

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
 from types import SimpleNamespace
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
-import tiny_run
 from unlit.conditions import cast_shadow as module
 from unlit.conditions.cast_shadow import attenuation, cast_shadow, shadowed
 from unlit.conditions.first_stage import FirstLook
-from unlit.optimize.problem import Evidence
-from unlit.pipeline import chain as pipeline
+from unlit.optimize.observation import Observation
 from unlit.scene.camera import Camera
+from unlit.scene.surface_points import SurfacePoints
 from unlit.settings.conditions import CastShadow
 from unlit.settings.settings import PRESETS
 
@@ -37,8 +34,7 @@ def found(dark: np.ndarray, factor: float = 0.4, light: float = 0.8) -> np.ndarr
     image = render * np.where(dark, factor, 1)[..., None] * np.where(BROWS, 0.3, 1)[..., None]
     image = image * (1 + 0.05 * RNG.standard_normal(image.shape))
     look = FirstLook(np.full((SIZE, SIZE), light), np.zeros((SIZE, SIZE)), render, FACE)
-    photo: Any = SimpleNamespace(image=image, regions=regions)
-    return shadowed(photo, look, ABOVE, CastShadow())
+    return shadowed(SimpleNamespace(image=image, regions=regions), look, ABOVE, CastShadow())  # type: ignore[arg-type]
 
 
 def agreement(a: np.ndarray, b: np.ndarray) -> float:
@@ -85,18 +81,18 @@ def test_skin_that_the_photo_clips_is_no_shadow() -> None:
     look = FirstLook(
         np.ones_like(render[..., 0]), 0 * render[..., 0], render * FACE[..., None], FACE
     )
-    photo: Any = SimpleNamespace(image=np.minimum(look.render, 1), regions=regions)
-    assert not shadowed(photo, look, ABOVE, CastShadow()).any()
+    photo = SimpleNamespace(image=np.minimum(look.render, 1), regions=regions)
+    assert not shadowed(photo, look, ABOVE, CastShadow()).any()  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("scale", [1, 2])
 def test_it_is_found_at_any_size(monkeypatch, scale: int) -> None:
     """The photo at 512 is looked at in 256 pixels; the answer has its own size, in its place."""
     render = np.full((SIZE, SIZE, 3), 0.3, np.float32) * FACE[..., None]
-    seen: list[Evidence] = []
+    seen: list[Observation] = []
 
-    def look(evidence: Evidence, settings: object) -> FirstLook:
-        seen.append(evidence)
+    def look(observation: Observation, settings: object) -> FirstLook:
+        seen.append(observation)
         return FirstLook(np.full((SIZE, SIZE), 0.8), np.zeros((SIZE, SIZE)), render, FACE)
 
     def large(image: np.ndarray) -> np.ndarray:
@@ -110,33 +106,15 @@ def test_it_is_found_at_any_size(monkeypatch, scale: int) -> None:
     size = scale * SIZE
     camera = Camera(size, size, 3.0 * size, 0.4 * size, 0.6 * size)
     points = np.array([[0.2, 0.3]]) * size
-    evidence = Evidence(image, regions, face > 0.5, face, camera, *4 * [points], points, points[0])
-    lit = cast_shadow(evidence, large(ABOVE) > 0.5, PRESETS["draft"])
+    none = SurfacePoints.empty(1)
+    observed = Observation(image, regions, face > 0.5, face, camera, points, points, points, none)
+    lit = cast_shadow(observed, large(ABOVE) > 0.5, PRESETS["draft"])
     assert lit is not None and lit.shape == (size, size)
     assert agreement(lit < 0.5, large(hat) > 0.5) > 0.9
     small = seen[0]
     assert vars(small.camera) == vars(Camera(SIZE, SIZE, 3.0 * SIZE, 0.4 * SIZE, 0.6 * SIZE))
     np.testing.assert_allclose(small.landmarks, np.array([[0.2, 0.3]]) * SIZE)
     assert not seen[1].weight[hat & (Y < 75)].any()
-
-
-def test_above_is_towards_the_hairline(monkeypatch) -> None:
-    """However the head is rolled; and `keep` does not look at all."""
-    seen = tiny_run.capture()
-    size = len(seen.image)
-    landmarks = np.zeros((478, 3))
-    landmarks[[10, 152, 2], 0] = 0.1 * size, 0.9 * size, 0.6 * size  # lying on one side
-    landmarks[:, 1] = size / 2
-    asked: list[np.ndarray] = []
-    monkeypatch.setattr(pipeline, "cast_shadow", lambda _, above, __: asked.append(above))
-    seen = dataclasses.replace(seen, landmarks=landmarks)
-    found = pipeline.without_cast_shadow(seen, tiny_run.head(), tiny_run.settings())
-    assert found.lit is None
-    columns = np.indices((size, size))[1] + 0.5
-    np.testing.assert_array_equal(asked[0], columns < 0.6 * size)
-    keep = tiny_run.settings(**{"cast_shadow.mode": "keep"})
-    pipeline.without_cast_shadow(seen, tiny_run.head(), keep)
-    assert len(asked) == 1
 
 
 def test_the_shading_has_the_shadow() -> None:

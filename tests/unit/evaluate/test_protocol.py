@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from bumpy_head import bumpy_head, camera, painted, view
+from changed import changed
 from unlit.errors import SubjectError
 from unlit.evaluate import protocol
 from unlit.evaluate.figure import check_sheet, result_sheet, sheet
@@ -14,10 +15,11 @@ from unlit.evaluate.persons import consistency
 from unlit.evaluate.protocol import Light, Study
 from unlit.evaluate.store import Store
 from unlit.evaluate.subject import Subject
+from unlit.face.photo import FacePhoto
 from unlit.perception.regions import Regions
 from unlit.photo.crop import Crop
 from unlit.photo.photo import Photo
-from unlit.pipeline.chain import Capture
+from unlit.pipeline.chain import FitHead, Steps, steps_of
 from unlit.scene.camera import Camera
 from unlit.scene.light import disc, flash, uniform
 from unlit.settings.settings import PRESETS, Settings
@@ -28,7 +30,7 @@ SIZE = 48
 def short(iterations: int) -> Settings:
     stages = {f"stage{k}": getattr(PRESETS["draft"], f"stage{k}") for k in range(1, 6)}
     few = {name: replace(stage, iterations=iterations) for name, stage in stages.items()}
-    return replace(PRESETS["draft"], resolution=SIZE, light_points=500, bounces=1, **few)
+    return replace(PRESETS["draft"], light_points=500, bounces=1, **few)
 
 
 @pytest.fixture(scope="module")
@@ -43,14 +45,16 @@ def subject() -> Subject:
 def study(subject: Subject, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
     """Everything inside the subject's mask is skin, and the subject's own mesh is given."""
 
-    def observe(photo: Photo, resolution: int, face: str, camera: Camera) -> Capture:
+    def steps(photo: Photo, fit: FitHead, face: str, camera: Camera) -> Steps:
         weights = np.zeros((SIZE, SIZE, 6), np.float32)
         weights[..., 0], weights[..., 5] = subject.mask, ~subject.mask
         crop = Crop(np.eye(2, 3), SIZE)
         landmarks = np.zeros((478, 3))
-        return Capture(photo.source, photo.pixels, camera, crop, Regions(weights), landmarks)
+        landmarks[[10, 152, 2], 1] = 5, 43, 30  # upright
+        seen = FacePhoto(photo.source, photo.pixels, camera, crop, Regions(weights), landmarks)
+        return replace(steps_of(photo, fit, face, camera=camera), observe=lambda _: seen)
 
-    monkeypatch.setattr(protocol, "observe", observe)
+    monkeypatch.setattr(protocol, "steps_of", steps)
     monkeypatch.setattr(protocol, "compare", lambda *_: {"gain": 1.0, "psnr": 20.0})
     lights = (Light("flash", flash()), Light("uniform", uniform()))
     store = Store(tmp_path / "steps")
@@ -93,7 +97,7 @@ def test_rows_and_cache(study: Study, monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*_: object, **__: object) -> None:
         raise AssertionError("a finished step was repeated")
 
-    monkeypatch.setattr(protocol, "solve", never)
+    monkeypatch.setattr(protocol, "run_chain", never)
     monkeypatch.setattr(protocol, "traced", never)
     monkeypatch.setattr(protocol, "compare", never)
     monkeypatch.setattr(Subject, "photograph", never)
@@ -113,7 +117,7 @@ def test_each_stage_can_be_switched_off(study: Study, stage: int) -> None:
     study = replace(study, settings=short(3))
     (row,) = study.rows(study.shots(), ("uniform",), stage)
     assert row.variant == f"without stage {stage}"
-    losses = row.face.metrics["losses"]
+    losses = row.face.metrics.losses
     assert sorted(losses) == [f"stage{k}" for k in range(1, 6) if k != stage]
     for image in (
         row.face.face.maps.diffuse_albedo,
@@ -136,5 +140,5 @@ def test_consistency(study: Study) -> None:
     assert found["albedo_psnr"] > found["photo_psnr"] + 3
     same = consistency([faces[0], faces[0]])
     assert same["albedo_psnr"] == same["photo_psnr"] == pytest.approx(120, abs=1)
-    louder = replace(faces[0], image=faces[0].photo.image * np.float32([0.5, 0.6, 0.7]))
+    louder = changed(faces[0], {"photo.image": faces[0].photo.image * np.float32([0.5, 0.6, 0.7])})
     assert consistency([faces[0], louder])["photo_psnr"] > 100

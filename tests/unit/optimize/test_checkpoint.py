@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import tiny_run
+from changed import changed
 from unlit.errors import OutputError
 from unlit.face.reconstruction import Reconstruction
 from unlit.optimize import checkpoint as module
@@ -28,7 +29,7 @@ def same(a: Reconstruction, b: Reconstruction, tmp_path: Path) -> bool:
     for name, face in (("a.npz", a), ("b.npz", b)):
         write_arrays(face, tmp_path / name)
     files = [(tmp_path / name).read_bytes() for name in ("a.npz", "b.npz")]
-    return files[0] == files[1] and a.metrics["losses"] == b.metrics["losses"]
+    return files[0] == files[1] and a.metrics.losses == b.metrics.losses
 
 
 @pytest.fixture(scope="module")
@@ -83,10 +84,10 @@ def test_a_stage_that_was_switched_off(tmp_path):
 def test_previews_do_not_change_the_result(whole, tmp_path):
     """They shade with the final normals; the stages must not go on with those."""
     shown = []
-    face = tiny_run.solve(
-        tiny_run.capture(), tiny_run.head(), tiny_run.settings(), preview=lambda *a: shown.append(a)
-    )
-    assert len(shown) == 6
+    face = tiny_run.run(preview=lambda *a: shown.append(a))
+    assert [name for name, _ in shown] == ["fit", *(f"stage{k}" for k in range(1, 6))]
+    assert not shown[0][1].images.render.any()
+    assert shown[1][1].images.render.any()
     assert same(face, whole, tmp_path)
 
 
@@ -130,7 +131,7 @@ def test_without_resume_it_is_discarded(stopped, monkeypatch):
     state = Checkpoint(path)
     assert state.stage == 0
     assert path.exists()
-    monkeypatch.setattr("unlit.pipeline.chain.run_stages", stop)
+    monkeypatch.setattr("unlit.optimize.solve.run_stages", stop)
     with pytest.raises(Stop):
         tiny_run.run(state)
     assert not path.exists()
@@ -157,10 +158,9 @@ def test_another_run_is_refused_and_named(stopped, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(module, "code", lambda _: "changed")
         assert "another version of unlit (other code or renderer)" in refused()
-    other = tiny_run.head()
-    with monkeypatch.context() as patch:
-        patch.setattr(tiny_run, "head", lambda: replace(other, vertices=other.vertices + 0.01))
-        assert "another face or head" in refused()
+    head = tiny_run.head()
+    moved = changed(head, {"mesh.vertices": head.mesh.vertices + np.float32(0.01)})
+    assert "another face or head" in refused(known=tiny_run.steps(fitted=moved))
 
 
 def rewrite(path: Path, name: str, array: np.ndarray | bytes) -> None:
@@ -193,7 +193,7 @@ def text(values: object) -> np.ndarray:
 ENDLESS = {
     "stage": 1,
     "identity": {"unlit": ["", ""], "photo": ["", ""], "settings": {}},
-    "evidence": "",
+    "observation": "",
     "losses": {"stage1": [[float("inf"), 0.0]]},
     "seconds": {},
 }

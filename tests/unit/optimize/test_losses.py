@@ -4,10 +4,9 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from unlit.color import encode_srgb
+from unlit.color import UNCLIPPED, encode_srgb
 from unlit.machine.runtime import mitsuba
 from unlit.optimize.losses import (
-    EXPOSED,
     Neighbours,
     encode,
     image_l1,
@@ -39,17 +38,19 @@ def test_encode_is_srgb() -> None:
 def test_image_l1() -> None:
     """Weighted mean over pixels and channels of encoded differences, both sides as exposed."""
     render = RNG.uniform(0, 1.5, (40, 3))
-    target = np.clip(RNG.uniform(0, 1, (40, 3)), *EXPOSED)
+    target = np.clip(RNG.uniform(0, 1, (40, 3)), *UNCLIPPED)
     weight = RNG.uniform(0, 1, 40)
     weight /= weight.sum()
-    expected = (weight[:, None] * np.abs(np.clip(encode_srgb(render), *EXPOSED) - target)).sum() / 3
+    expected = (
+        weight[:, None] * np.abs(np.clip(encode_srgb(render), *UNCLIPPED) - target)
+    ).sum() / 3
     ours = image_l1(mi.Color3f(columns(render)), mi.Color3f(columns(target)), mi.Float(weight))
     assert ours.numpy() == pytest.approx(expected, rel=1e-4)
 
 
 def test_saturated_on_both_sides_costs_nothing() -> None:
     """A highlight the photo clipped may be any brighter in the render."""
-    target = mi.Color3f(EXPOSED[1])
+    target = mi.Color3f(UNCLIPPED[1])
     assert image_l1(mi.Color3f(7.0), target, mi.Float(1)).numpy() == pytest.approx(0, abs=1e-6)
     assert image_l1(mi.Color3f(0.5), target, mi.Float(1)).numpy() > 0.2
 

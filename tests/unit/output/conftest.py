@@ -1,13 +1,23 @@
 """A small made-up result: a grey ball with a rosy half in front of a 32-pixel camera."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from small_head import save_quickly
-from unlit.face.reconstruction import Fit, Reconstruction
+from unlit.face.conditions import Conditions, LightEstimate
+from unlit.face.face import Face, Normals, PosedMesh
+from unlit.face.head import FittedHead
+from unlit.face.photo import FacePhoto
+from unlit.face.reconstruction import Images, Metrics, Reconstruction
+from unlit.perception.regions import Regions
 from unlit.photo.crop import Crop
 from unlit.scene.camera import Camera
 from unlit.scene.light import SphericalGaussians
+from unlit.scene.maps import Maps
+from unlit.scene.surface_points import SurfacePoints
+from unlit.settings.settings import PRESETS, override
 
 SIZE = 32
 DISTANCE = 60.0
@@ -61,39 +71,44 @@ def face() -> Reconstruction:
     render = albedo * shading
     scalar = np.ones((SIZE, SIZE), np.float32)
     axis = random.normal(size=(12, 3))
+    mesh = PosedMesh(vertices, triangles, uv, triangle_uv)
+    points = SurfacePoints(
+        np.array([0, 3, -1, 7, 2], np.int32), random.uniform(size=(5, 3)).astype(np.float32)
+    )
     return Reconstruction(
-        photo_name="grüße.jpg",
-        image=render + random.uniform(0, 0.01, render.shape).astype("f4"),
-        camera=camera,
-        crop=Crop(np.array([[1 / 3, 0, -7.1], [0, 1 / 3, 2.3]]), SIZE),
-        vertices=vertices,
-        triangles=triangles,
-        uv=uv,
-        triangle_uv=triangle_uv,
-        diffuse_albedo=albedo,
-        specular_albedo=0.9 * scalar,
-        roughness=0.3 * scalar,
-        perturbation=np.zeros_like(normal),
-        specular_normal=normal,
-        diffuse_normal=normal,
-        diffuse_shading=shading,
-        specular_shading=np.zeros_like(shading),
-        render=render,
-        mask=inside.astype(np.float32),
-        regions=random.uniform(size=(SIZE, SIZE, 6)).astype(np.float32),
-        light=SphericalGaussians(
+        FacePhoto(
+            name="grüße.jpg",
+            image=render + random.uniform(0, 0.01, render.shape).astype("f4"),
+            camera=camera,
+            crop=Crop(np.array([[1 / 3, 0, -7.1], [0, 1 / 3, 2.3]]), SIZE),
+            regions=Regions(random.uniform(size=(SIZE, SIZE, 6)).astype(np.float32)),
+            landmarks=random.uniform(0, SIZE, (478, 3)),
+            white_luminance=1000 / 3,
+        ),
+        FittedHead(
+            replace(mesh, vertices=vertices + np.float32(0.1)),
+            random.uniform(0, SIZE, (5, 2)).astype(np.float32),
+            points,
+            landmark_residual=0.1 + 0.2,
+            model="ball, CC0",
+        ),
+        Conditions(light_estimate=LightEstimate(used=False, kelvin=1e5 / 3, excess=1e-17)),
+        Face(
+            camera,
+            mesh,
+            Maps(albedo, 0.9 * scalar, 0.3 * scalar, np.zeros_like(normal)),
+            Normals(normal, normal),
+            inside.astype(np.float32),
+        ),
+        SphericalGaussians(
             (axis / np.linalg.norm(axis, axis=1, keepdims=True)).astype(np.float32),
             random.uniform(5, 50, 12).astype(np.float32),
             random.uniform(0, 1, 12).astype(np.float32),
         ),
-        settings={"resolution": SIZE, "rate": 0.1, "stage1": {"iterations": 3, "image": 1.0}},
-        metrics={"residual": 0.1 + 0.2, "losses": {"stage1": [[0, 1e-17], [2, 0.3]]}},
-        fit=Fit(
-            vertices + np.float32(0.1),
-            random.uniform(0, SIZE, (5, 2)).astype(np.float32),
-            np.array([0, 3, -1, 7, 2], np.int32),
-            random.uniform(size=(5, 3)).astype(np.float32),
-        ),
+        Images(shading, np.zeros_like(shading), render),
+        gain=0.1 + 0.6,
+        settings=override(PRESETS["draft"], {"clip": 0.1 + 0.2, "stage1.iterations": 3}),
+        metrics=Metrics({"stage1": [(0, 1e-17), (2, 0.3)]}, {"photo": 1 / 3}, 700.5, ("dark",), 2),
     )
 
 

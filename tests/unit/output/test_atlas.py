@@ -1,12 +1,11 @@
 """The atlas: what is measured is where it belongs, what is not is filled, and it says which."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 from scipy.spatial import KDTree
 
+from changed import changed
 from small_head import CENTRE, EYE_COLOUR, SKIN_TRIANGLES, small_head
 from unlit.color import encode_srgb
 from unlit.face.reconstruction import Reconstruction
@@ -95,10 +94,13 @@ def test_round_trip(r, atlas):
     assert inside.mean() > 0.9
 
     def pixels(image: np.ndarray) -> np.ndarray:
-        return image.reshape(len(r.mask) ** 2, -1)[seen.pixel]
+        return image.reshape(len(r.face.mask) ** 2, -1)[seen.pixel]
 
-    n_d, n_s = pixels(r.diffuse_normal), pixels(r.specular_normal)
-    given = [pixels(x) for x in (r.diffuse_albedo, r.specular_albedo, r.roughness)]
+    n_d, n_s = pixels(r.face.normals.diffuse), pixels(r.face.normals.specular)
+    given = [
+        pixels(x)
+        for x in (r.face.maps.diffuse_albedo, r.face.maps.specular_albedo, r.face.maps.roughness)
+    ]
     baked = [seen.look(x) for x in (atlas.diffuse_albedo, atlas.specular_albedo, atlas.roughness)]
     m_d, m_s = seen.world(atlas.diffuse_normal), seen.world(atlas.specular_normal)
     before = shaded(*given, n_d, n_s, seen.position)[inside]
@@ -130,11 +132,11 @@ def texel_points(r: Reconstruction, atlas: Atlas, triangle: int) -> tuple[np.nda
 
 def test_confidence_is_what_the_camera_sees(r, atlas):
     """Against shadow rays and angles computed texel by texel."""
-    scene = Mesh(r.vertices, r.triangles).scene
+    scene = Mesh(r.face.mesh.vertices, r.face.mesh.triangles).scene
     points, cells, normals = [], [], []
     for triangle in range(0, SKIN_TRIANGLES, 7):
         some, cell = texel_points(r, atlas, triangle)
-        a, b, c = r.vertices[r.triangles[triangle]].astype(float)
+        a, b, c = r.face.mesh.vertices[r.face.mesh.triangles[triangle]].astype(float)
         normal = np.cross(b - a, c - a)
         points.append(some)
         cells.append(cell)
@@ -170,9 +172,9 @@ def test_unseen_half_is_mirrored(atlas):
 
 def test_what_lies_in_a_cast_shadow_is_not_measured(r, atlas):
     """It is filled in like what the camera does not see."""
-    lit = (np.arange(r.mask.shape[1]) < 0.5 * r.mask.shape[1]) * np.ones_like(r.mask)
-    shadowed = bake(dataclasses.replace(r, lit=lit), SIZE)
-    left = bake(dataclasses.replace(r, mask=r.mask * lit), SIZE)
+    lit = (np.arange(r.face.mask.shape[1]) < 0.5 * r.face.mask.shape[1]) * np.ones_like(r.face.mask)
+    shadowed = bake(changed(r, {"conditions.visibility": lit}), SIZE)
+    left = bake(changed(r, {"face.mask": r.face.mask * lit}), SIZE)
     np.testing.assert_array_equal(shadowed.confidence, left.confidence)
     assert (shadowed.confidence >= GRAZING).sum() < 0.7 * (atlas.confidence >= GRAZING).sum()
 
@@ -183,7 +185,7 @@ def test_a_layout_without_mirror_axis_is_not_mirrored():
     sheared = np.stack(
         [r.face.mesh.uv[:, 0] * 0.7 + 0.3 * r.face.mesh.uv[:, 1], r.face.mesh.uv[:, 1]], axis=1
     )
-    atlas = bake(dataclasses.replace(r, uv=sheared.astype("f4")), SIZE)
+    atlas = bake(changed(r, {"face.mesh.uv": sheared.astype("f4")}), SIZE)
     levels = set(np.unique(atlas.confidence))
     assert {DIFFUSED, GRAZING, SEEN} <= levels
     assert MIRRORED not in levels
@@ -227,7 +229,7 @@ def test_closed_eyes_are_plain():
     r = small_head(albedo=lambda point: np.full((len(point), 3), 0.5))
     regions = np.zeros_like(r.photo.regions.weights)
     regions[..., 0] = 1
-    atlas = bake(dataclasses.replace(r, regions=regions), SIZE)
+    atlas = bake(changed(r, {"photo.regions.weights": regions}), SIZE)
     ball = slice(int(0.8 * SIZE), int(0.9 * SIZE)), slice(int(0.1 * SIZE), int(0.2 * SIZE))
     assert (atlas.confidence[ball] == PLAIN).all()
     assert np.ptp(atlas.diffuse_albedo[ball].reshape(-1, 3), axis=0).max() < 1e-6

@@ -54,14 +54,14 @@ def test_obj_with_materials(r, everything):
     assert set(parts) == {"skin", "eyes"}
     assert parts["skin"].visual.material.image.size == (512, 512)
     vertices = np.concatenate([part.vertices for part in parts.values()])
-    np.testing.assert_allclose(vertices.min(axis=0), r.vertices.min(axis=0), atol=1e-4)
+    np.testing.assert_allclose(vertices.min(axis=0), r.face.mesh.vertices.min(axis=0), atol=1e-4)
     # The texture is the right way up: the skin at the front has the colour of the photo there.
     skin = parts["skin"]
     colours = np.asarray(skin.visual.material.image.convert("RGB")) / 255
     front = np.linalg.norm(skin.vertices - CENTRE - (0, -6, 7), axis=1).argmin()
     u, v = skin.visual.uv[front]
-    x, y = r.camera.project(skin.vertices[front])
-    seen = encode_srgb(r.diffuse_albedo[int(y), int(x)])
+    x, y = r.face.camera.project(skin.vertices[front])
+    seen = encode_srgb(r.face.maps.diffuse_albedo[int(y), int(x)])
     np.testing.assert_allclose(colours[int((1 - v) * 512), int(u * 512)], seen, atol=0.03)
 
 
@@ -163,8 +163,8 @@ def test_usd(r, tmp_path):
     assert UsdGeom.GetStageUpAxis(stage) == "Y"
     face = UsdGeom.Mesh(stage.GetPrimAtPath("/head/face"))
     points = np.array(face.GetPointsAttr().Get())
-    assert np.ptp(points[:, 1]) == pytest.approx(np.ptp(r.vertices[:, 1]) / 100, rel=1e-4)
-    assert len(face.GetFaceVertexCountsAttr().Get()) == len(r.triangles)
+    assert np.ptp(points[:, 1]) == pytest.approx(np.ptp(r.face.mesh.vertices[:, 1]) / 100, rel=1e-4)
+    assert len(face.GetFaceVertexCountsAttr().Get()) == len(r.face.mesh.triangles)
     material, _ = UsdShade.MaterialBindingAPI(face.GetPrim()).ComputeBoundMaterial()
     surface = material.ComputeSurfaceSource()[0]
     for name in ("diffuseColor", "roughness", "normal"):
@@ -194,7 +194,6 @@ def test_blender_renders_the_same_face(r, everything):
     """
     from unlit.machine.runtime import mitsuba
     from unlit.render.reference import path_trace
-    from unlit.scene.maps import Maps
     from unlit.scene.mesh import Mesh
 
     program = os.environ.get("UNLIT_TEST_BLENDER") or shutil.which("blender")
@@ -208,9 +207,15 @@ def test_blender_renders_the_same_face(r, everything):
         script = ["--background", "--python", *script]
     subprocess.run([program, *script], cwd=everything, check=True, capture_output=True, timeout=600)
     theirs = np.array(mitsuba().Bitmap(str(out)))[..., :3].astype(np.float32)
-    maps = Maps(r.diffuse_albedo, r.specular_albedo, r.roughness, r.perturbation)
     light = r.light.rasterize()
-    ours = path_trace(Mesh(r.vertices, r.triangles), r.camera, maps, light, 128, bounces=3)
-    inside = r.mask > 0
+    ours = path_trace(
+        Mesh(r.face.mesh.vertices, r.face.mesh.triangles),
+        r.face.camera,
+        r.face.maps,
+        light,
+        128,
+        bounces=3,
+    )
+    inside = r.face.mask > 0
     error = encode_srgb(np.clip(ours, 0, 1)) - encode_srgb(np.clip(theirs, 0, 1))
     assert -10 * np.log10((error[inside] ** 2).mean()) > 30

@@ -9,26 +9,28 @@ from unlit.output.textures import PNGS
 
 def test_obj(face):
     """Positions to the bit of float32, and separate indices that count from 1."""
-    skin = np.full(len(face.triangles), SKIN, np.uint8)
+    skin = np.full(len(face.face.mesh.triangles), SKIN, np.uint8)
     lines = [line.split() for line in obj(face, skin, "mesh.mtl").decode().splitlines()]
     numbers = {
         kind: np.array([line[1:] for line in lines if line[0] == kind], dtype=np.float32)
         for kind in ("v", "vt", "vn")
     }
-    np.testing.assert_array_equal(numbers["v"], face.vertices)
-    np.testing.assert_array_equal(numbers["vt"], face.uv)
-    assert numbers["vn"].shape == face.vertices.shape
+    np.testing.assert_array_equal(numbers["v"], face.face.mesh.vertices)
+    np.testing.assert_array_equal(numbers["vt"], face.face.mesh.uv)
+    assert numbers["vn"].shape == face.face.mesh.vertices.shape
     faces = (
         np.array([[c.split("/") for c in line[1:]] for line in lines if line[0] == "f"], int) - 1
     )
-    np.testing.assert_array_equal(faces[..., 0], face.triangles)
-    np.testing.assert_array_equal(faces[..., 1], face.triangle_uv)
-    np.testing.assert_array_equal(faces[..., 2], face.triangles)
+    np.testing.assert_array_equal(faces[..., 0], face.face.mesh.triangles)
+    np.testing.assert_array_equal(faces[..., 1], face.face.mesh.triangle_uv)
+    np.testing.assert_array_equal(faces[..., 2], face.face.mesh.triangles)
 
 
 def test_materials(face):
     """Faces are grouped by part; every material is defined once, of textures that are written."""
-    part = (np.arange(len(face.triangles)) % 3 == 0).astype(np.uint8)  # SKIN and EYES mixed
+    part = (np.arange(len(face.face.mesh.triangles)) % 3 == 0).astype(
+        np.uint8
+    )  # SKIN and EYES mixed
     lines = obj(face, part, "some.mtl").decode().splitlines()
     assert "mtllib some.mtl" in lines
     groups: dict[str, int] = {}
@@ -54,8 +56,12 @@ def test_ply(face):
     ]
     vertex = np.frombuffer(body, "<f4", counts[0] * 8).reshape(-1, 8)
     faces = np.frombuffer(body[vertex.nbytes :], np.dtype([("n", "u1"), ("i", "<i4", 3)]))
-    assert counts[1] == len(faces) == len(face.triangles)
+    assert counts[1] == len(faces) == len(face.face.mesh.triangles)
     assert (faces["n"] == 3).all()
-    np.testing.assert_array_equal(vertex[faces["i"], :3], face.vertices[face.triangles])
-    np.testing.assert_array_equal(vertex[faces["i"], 6:], face.uv[face.triangle_uv])
+    np.testing.assert_array_equal(
+        vertex[faces["i"], :3], face.face.mesh.vertices[face.face.mesh.triangles]
+    )
+    np.testing.assert_array_equal(
+        vertex[faces["i"], 6:], face.face.mesh.uv[face.face.mesh.triangle_uv]
+    )
     np.testing.assert_allclose(np.linalg.norm(vertex[:, 3:6], axis=1), 1, atol=1e-5)

@@ -17,7 +17,6 @@ from unlit.output.atlas import Atlas, bake
 from unlit.output.gltf import glb, specular_texture
 from unlit.render.reference import mitsuba_environment, path_trace
 from unlit.scene.camera import Camera
-from unlit.scene.maps import Maps
 from unlit.scene.mesh import Mesh
 
 mi = mitsuba()
@@ -86,16 +85,18 @@ def test_camera_axes_and_metres(r, file):
     place = np.array(found["nodes"][1]["translation"])
     scene = trimesh.load(file)
     vertices = np.concatenate([g.vertices for g in scene.geometry.values()])
-    assert np.ptp(vertices[:, 1]) == pytest.approx(np.ptp(r.vertices[:, 1]) / 100, rel=1e-4)
+    assert np.ptp(vertices[:, 1]) == pytest.approx(
+        np.ptp(r.face.mesh.vertices[:, 1]) / 100, rel=1e-4
+    )
     local = vertices - place
     assert (local[:, 2] < 0).all()  # glTF's cameras look along -z, y up
     half = np.tan(lens["yfov"] / 2)
     ndc = local[:, :2] / -local[:, 2:] / (half * lens["aspectRatio"], half)
     pixel = (0.5 + ndc * (0.5, -0.5)) * film - crop[:2]
-    expected = r.camera.project((vertices - place) * 100)
+    expected = r.face.camera.project((vertices - place) * 100)
     np.testing.assert_allclose(pixel, expected, atol=0.01)
     nose = vertices[vertices[:, 2].argmax()]
-    assert abs(nose[0] - (CENTRE[0] - r.vertices[:, 0].mean()) / 100) < 0.01
+    assert abs(nose[0] - (CENTRE[0] - r.face.mesh.vertices[:, 0].mean()) / 100) < 0.01
 
 
 def test_specular_above_one():
@@ -190,11 +191,16 @@ def images_of(file: Path) -> list[np.ndarray]:
 def test_rendered_by_others_it_is_the_same_face(r, file):
     """Within 30 dB of our path-traced render under a lamp and a sky, where the photo saw it."""
     environment = r.light.rasterize()
-    maps = Maps(r.diffuse_albedo, r.specular_albedo, r.roughness, r.perturbation)
-    ours = path_trace(Mesh(r.vertices, r.triangles), r.camera, maps, environment, 96)
+    ours = path_trace(
+        Mesh(r.face.mesh.vertices, r.face.mesh.triangles),
+        r.face.camera,
+        r.face.maps,
+        environment,
+        96,
+    )
     place = np.array(document(file)["nodes"][1]["translation"])
-    theirs = rendered(file, r.camera, environment, -100 * place)
-    inside = r.mask > 0
+    theirs = rendered(file, r.face.camera, environment, -100 * place)
+    inside = r.face.mask > 0
     error = encode_srgb(np.clip(ours, 0, 1)) - encode_srgb(np.clip(theirs, 0, 1))
     assert -10 * np.log10((error[inside] ** 2).mean()) > 30
     assert ours[inside].mean() == pytest.approx(theirs[inside].mean(), rel=0.02)

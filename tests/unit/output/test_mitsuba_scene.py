@@ -16,7 +16,6 @@ from unlit.output import export, save
 from unlit.output.mitsuba_scene import TWICE_DIFFUSE, TWICE_SPECULAR
 from unlit.render.reference import path_trace
 from unlit.scene.brdf import specular
-from unlit.scene.maps import Maps
 from unlit.scene.mesh import Mesh
 
 # isort: split
@@ -53,21 +52,25 @@ def filtered_difference(a: np.ndarray, b: np.ndarray, inside: np.ndarray) -> flo
 def test_renders_as_ours(r, folder, name):
     """Stock plugins on the atlas, and our plugin on the maps: 40 dB of our path tracer."""
     scene = mi.load_file(str(folder / name))
-    sensor = mi.load_dict(r.camera.mitsuba_sensor(SAMPLES))
+    sensor = mi.load_dict(r.face.camera.mitsuba_sensor(SAMPLES))
     theirs = mi.render(scene, sensor=sensor).numpy()[..., :3]
-    maps = Maps(r.diffuse_albedo, r.specular_albedo, r.roughness, r.perturbation)
     ours = path_trace(
-        Mesh(r.vertices, r.triangles), r.camera, maps, r.light.rasterize(), SAMPLES, bounces=3
+        Mesh(r.face.mesh.vertices, r.face.mesh.triangles),
+        r.face.camera,
+        r.face.maps,
+        r.light.rasterize(),
+        SAMPLES,
+        bounces=3,
     )
-    assert filtered_difference(ours, theirs, r.mask > 0) > 40
+    assert filtered_difference(ours, theirs, r.face.mask > 0) > 40
     camera = scene.sensors()[0]
-    assert tuple(camera.film().size()) == (r.camera.width, r.camera.height)
+    assert tuple(camera.film().size()) == (r.face.camera.width, r.face.camera.height)
 
 
 def test_the_scenes_camera_is_the_photos(r, folder):
     """The file's own sensor sees the mesh at the same pixels."""
     sensor = mi.load_file(str(folder / "scene.xml")).sensors()[0]
-    ours = mi.load_dict(r.camera.mitsuba_sensor(1))
+    ours = mi.load_dict(r.face.camera.mitsuba_sensor(1))
     for sample in ((0.1, 0.2), (0.5, 0.5), (0.9, 0.7)):
         rays = [
             s.sample_ray(0.0, 0.0, mi.Point2f(*sample), mi.Point2f(0.5))[0] for s in (sensor, ours)

@@ -1,12 +1,12 @@
 """The overview shows each thing in its place, the right way round."""
 
-import dataclasses
 import io
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from changed import changed
 from unlit.output import montage, preview_png
 from unlit.output.images import encoded
 from unlit.output.montage import clay, error, light, outdoors
@@ -18,17 +18,20 @@ def test_tiles_are_in_their_places(face):
     """Twelve squares of 320 pixels: photo first, the albedo below it."""
     sheet = montage(face)
     assert sheet.shape == (8 + 3 * 352, 8 + 4 * 328, 3)
-    for row, image in ((0, face.image), (1, face.diffuse_albedo * (face.mask[..., None] > 0))):
+    for row, image in (
+        (0, face.photo.image),
+        (1, face.face.maps.diffuse_albedo * (face.face.mask[..., None] > 0)),
+    ):
         tile = sheet[32 + row * 352 :][:320, 8:328].reshape(32, 10, 32, 10, 3).mean(axis=(1, 3))
         assert np.abs(tile - encoded(image)).mean() < 3
 
 
 def test_error_is_four_times_the_encoded_difference(face):
     """Black for a perfect render and outside the mask."""
-    assert not error(dataclasses.replace(face, render=face.image)).any()
-    black = dataclasses.replace(face, render=np.zeros_like(face.image))
-    inside = face.mask > 0
-    expected = np.minimum(4 * encoded(face.image)[inside].astype(int), 255)
+    assert not error(changed(face, {"images.render": face.photo.image})).any()
+    black = changed(face, {"images.render": np.zeros_like(face.photo.image)})
+    inside = face.face.mask > 0
+    expected = np.minimum(4 * encoded(face.photo.image)[inside].astype(int), 255)
     assert np.abs(error(black)[inside] - expected).max() <= 2
     assert not error(black)[~inside].any()
 
@@ -36,7 +39,7 @@ def test_error_is_four_times_the_encoded_difference(face):
 def test_light_from_the_photos_right_is_shown_right(face):
     """One lobe along +x, which is right in the photo: map, matte and mirror ball agree."""
     lobe = SphericalGaussians(np.array([[1, 0, 0]], "f4"), np.array([9], "f4"), np.array([5], "f4"))
-    picture = light(dataclasses.replace(face, light=lobe)).astype(int)
+    picture = light(changed(face, {"light": lobe})).astype(int)
     side = len(picture)
     map_, matte, mirror = (
         picture[: side // 2],
@@ -51,7 +54,7 @@ def test_light_from_the_photos_right_is_shown_right(face):
 def test_clay_shows_the_mesh_where_the_camera_sees_it(face):
     """The ball's outline, brighter above than below."""
     picture = clay(face).astype(int)
-    inside = face.mask > 0
+    inside = face.face.mask > 0
     assert (picture[inside] != picture[0, 0]).mean() > 0.97
     assert picture[:16][inside[:16]].mean() > picture[16:][inside[16:]].mean() + 20
 
@@ -66,10 +69,10 @@ def test_the_sky_is_above_and_blue():
 
 def test_montage_relights_for_real(face):
     """The side light comes from the right, and differs from the flash."""
-    waist = face.vertices.copy()
+    waist = face.face.mesh.vertices.copy()
     ring = np.abs(waist[:, 1]) < 1
     waist[ring, 0] *= 0.8  # a furrow, in which light bounces
-    sheet = montage(dataclasses.replace(face, vertices=waist)).astype(int)
+    sheet = montage(changed(face, {"face.mesh.vertices": waist})).astype(int)
     flash, side = (sheet[32 + 2 * 352 :][:320, 8 + k * 328 :][:, :320] for k in (1, 2))
     assert side[:, 160:].mean() > 2 * side[:, :160].mean() > 0
     assert 0.5 < flash[:, 160:].mean() / flash[:, :160].mean() < 2
@@ -77,6 +80,6 @@ def test_montage_relights_for_real(face):
 
 def test_preview_works_before_there_is_a_render(face):
     """After the fit nothing has been shaded yet."""
-    zero = np.zeros_like(face.render)
-    early = dataclasses.replace(face, render=zero, diffuse_shading=zero)
+    zero = np.zeros_like(face.images.render)
+    early = changed(face, {"images.render": zero, "images.diffuse_shading": zero})
     assert Image.open(io.BytesIO(preview_png(early))).size == (8 + 3 * 264, 8 + 2 * 288)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from changed import changed
 from small_head import save_quickly
 from unlit.errors import OutputError
 from unlit.machine.runtime import mitsuba
@@ -52,37 +53,24 @@ def test_round_trip_is_exact(face, folder):
     assert_same(load(folder), face)
 
 
-def test_results_saved_before_the_fit_was_kept(face, folder):
-    """They are loaded all the same."""
-    for name in ("vertices", "landmarks", "landmark_triangle", "landmark_barycentric"):
-        rewrite(folder, f"fit_{name}", None)
-    assert_same(load(folder), dataclasses.replace(face, fit=None))
-
-
 def test_where_something_else_casts_its_shadow(face, tmp_path):
-    lit = np.linspace(0, 1, face.mask.size, dtype=np.float32).reshape(face.mask.shape)
-    shadowed = dataclasses.replace(face, lit=lit)
+    lit = np.linspace(0, 1, face.face.mask.size, dtype=np.float32).reshape(face.face.mask.shape)
+    shadowed = changed(face, {"conditions.visibility": lit})
     save(shadowed, tmp_path / "a")
     assert_same(load(tmp_path / "a"), shadowed)
 
 
 def test_the_lights_colour_and_the_gain(face, tmp_path):
-    """They come back, and the environment map has the colour; older results have neither."""
+    """They come back, and the environment map has the colour."""
     color, gain = np.array([1, 0.41726586, 0.1], np.float32), 1.7000000000000002
-    lit = dataclasses.replace(face.light, color=color)
-    save(dataclasses.replace(face, light=lit, gain=gain), tmp_path / "a")
+    places = {"light.color": color, "conditions.light_color": color, "gain": gain}
+    save(changed(face, places), tmp_path / "a")
     again = load(tmp_path / "a")
     assert_same(again.light.color, color)
+    assert_same(again.conditions.light_color, color)
     assert again.gain == gain
     read = mi.Bitmap(str(tmp_path / "a" / "environment.exr"))
     np.testing.assert_allclose(np.array(read), face.light.rasterize()[..., None] * color)
-    path = tmp_path / "a" / "reconstruction.toml"
-    text = path.read_text()
-    start, end = text.index("[light]"), text.index("[settings]")
-    path.write_text(text[:start] + text[end:])
-    older = load(tmp_path / "a")
-    assert_same(older.light.color, np.ones(3, np.float32))
-    assert older.gain == 1
 
 
 def test_a_checkpoint_is_not_needed_any_more(face, folder):
@@ -111,7 +99,7 @@ def test_the_same_result_gives_the_same_bytes(face, folder, tmp_path):
 def test_exports_for_other_programs(face, folder):
     """The JSON files hold the camera matrix and every lobe to the bit of float32."""
     camera = json.loads((folder / "camera.json").read_text())
-    assert camera["intrinsics"][0] == [face.camera.focal, 0, face.camera.cx]
+    assert camera["intrinsics"][0] == [face.face.camera.focal, 0, face.face.camera.cx]
     light = json.loads((folder / "light.json").read_text())
     np.testing.assert_array_equal(np.array(light["axis"], np.float32), face.light.axis)
     np.testing.assert_array_equal(np.array(light["sharpness"], np.float32), face.light.sharpness)
@@ -123,15 +111,36 @@ def test_needed_room_is_not_underestimated(folder):
     assert taken < needed_bytes(32)
 
 
-def test_numpy_numbers_and_tuples_become_plain(face, tmp_path):
-    """Metrics and settings may hold NumPy scalars."""
-    odd = dataclasses.replace(
-        face, metrics={"a": np.float32(0.5), "b": (1, np.int64(2))}, settings={"n": np.int32(3)}
-    )
-    save(odd, tmp_path / "odd")
-    again = load(tmp_path / "odd")
-    assert again.metrics == {"a": 0.5, "b": [1, 2]}
-    assert again.settings == {"n": 3}
+def test_metrics_say_what_the_steps_found(face, folder):
+    """And nothing else: metrics.json is where the head's fit and the light's estimate are kept."""
+    text = (folder / "metrics.json").read_text()
+    metrics = json.loads(text)
+    assert metrics["landmark_residual"] == face.head.landmark_residual
+    assert metrics["head_model"] == "ball, CC0"
+    assert metrics["unit_cd_m2"] == face.photo.white_luminance
+    assert metrics["light_color"]["kelvin"] == face.conditions.light_estimate.kelvin
+    assert metrics["losses"] == {"stage1": [[0, 1e-17], [2, 0.3]]}
+    assert metrics["warnings"] == ["dark"]
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("losses", {"stage1": [[0.5, 1.0]]}),
+        ("losses", None),
+        ("seconds", {"photo": "x"}),
+        ("warnings", "dark"),
+        ("landmark_residual", "x"),
+        ("light_color", {"kelvin": 3000}),
+    ],
+)
+def test_metrics_of_other_types_are_refused(folder, field, value):
+    """One line with the file."""
+    path = folder / "metrics.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {field: value}))
+    with pytest.raises(OutputError, match=r"metrics\.json: not valid") as caught:
+        load(folder)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -147,6 +156,9 @@ def test_numpy_numbers_and_tuples_become_plain(face, tmp_path):
         ("gain = ", "gain = -", "light.gain is not valid"),
         ("color = [", "colour = [", "light.color is missing"),
         ("color = [", "color = [0.5,", "light.color is not valid"),
+        ("[light]", "[lights]", "light is missing"),
+        ("clip = ", "clips = ", "settings: clips: no such setting"),
+        ("clip = ", 'clip = "x" #', "settings: clip='x': expected float"),
         ("[settings]", "[[[", "no valid TOML"),
     ],
 )
@@ -201,6 +213,8 @@ class Bomb:
         ("fit_landmark_triangle", np.full(5, 999, "i4"), "fit_landmark_triangle points outside"),
         ("fit_landmark_triangle", np.full(5, -2, "i4"), "fit_landmark_triangle points outside"),
         ("fit_vertices", np.zeros((9, 3), "f4"), "fit_vertices has shape"),
+        ("fit_vertices", None, "fit_vertices is missing"),
+        ("landmarks", np.zeros((5, 3), "f4"), "landmarks has type float32"),
         ("render", np.array(Bomb(), dtype=object), "render has type object"),
         ("render", b"\x93NUMPY junk", "render is damaged"),
         ("render", b"", "render is damaged"),

@@ -5,8 +5,8 @@ import pytest
 
 from unlit.cli import main
 from unlit.errors import FaceError
+from unlit.perception.choose import choose
 from unlit.perception.landmarks import Face
-from unlit.pipeline.chain import choose
 
 
 def face(left: float, size: float) -> Face:

@@ -69,7 +69,7 @@ def test_the_mask_follows_the_crop(monkeypatch):
     """What is black in the photo is no face at that place of the crop; all black is an error."""
     from skimage.data import astronaut
 
-    from unlit.pipeline.chain import observe
+    from unlit.pipeline.observe import observe
 
     photo = Photo.of(astronaut(), "astronaut.png")
     whole = observe(photo, 256, "largest")

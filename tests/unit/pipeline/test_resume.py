@@ -7,11 +7,12 @@ import pytest
 from PIL import Image
 
 import tiny_run
+from changed import changed, part
 from small_head import save_quickly
-from unlit.errors import OutputError, SettingsError
+from unlit.errors import SettingsError
+from unlit.face.conditions import Conditions
 from unlit.output import edited, load, save
-from unlit.pipeline.chain import solve
-from unlit.pipeline.resume import continued
+from unlit.pipeline.resume import check_resumable, resume
 
 
 @pytest.fixture(scope="module")
@@ -31,30 +32,33 @@ def test_from_stage_1_repeats_the_run(face, tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         save_quickly(patch)
         save(face, tmp_path / "a")
-    again = continued(load(tmp_path / "a"), 1, tiny_run.settings())
-    for name in ("diffuse_albedo", "specular_albedo", "perturbation", "vertices", "render", "mask"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(face, name), err_msg=name)
+    again = resume(load(tmp_path / "a"), 1, tiny_run.settings())
+    maps = [f"face.maps.{name}" for name in ("diffuse_albedo", "specular_albedo", "perturbation")]
+    for name in (*maps, "face.mesh.vertices", "images.render", "face.mask"):
+        np.testing.assert_array_equal(part(again, name), part(face, name), err_msg=name)
     np.testing.assert_array_equal(again.light.amplitude, face.light.amplitude)
-    assert again.metrics["losses"] == face.metrics["losses"]
-    assert again.metrics["continued_from_stage"] == 1
+    assert again.metrics.losses == face.metrics.losses
+    assert again.metrics.continued_from_stage == 1
 
 
 def test_a_cast_shadow_is_no_evidence(face):
     """What is dark there leaves no trace; continued, it is left out again."""
-    seen = tiny_run.capture()
+    seen = tiny_run.photo()
     lit = np.ones(seen.image.shape[:2], np.float32)
     lit[:14] = 0
     image = seen.image.copy()
     image[:14] *= 0.3
-    dark = replace(seen, image=image, lit=lit)
-    result = solve(dark, tiny_run.head(), tiny_run.settings())
-    other = solve(replace(seen, lit=lit), tiny_run.head(), still())
-    np.testing.assert_array_equal(result.lit, lit)
-    assert result.mask[:14].max() == 1
-    np.testing.assert_array_equal(result.diffuse_albedo, other.diffuse_albedo)
+    conditions = Conditions(visibility=lit)
+    dark = tiny_run.steps(replace(seen, image=image), conditions=conditions)
+    result = tiny_run.run(known=dark)
+    other = tiny_run.run(known=tiny_run.steps(seen, conditions=conditions))
+    np.testing.assert_array_equal(result.conditions.visibility, lit)
+    assert result.face.mask[:14].max() == 1
+    albedo = result.face.maps.diffuse_albedo
+    np.testing.assert_array_equal(albedo, other.face.maps.diffuse_albedo)
     np.testing.assert_array_equal(result.light.amplitude, other.light.amplitude)
-    again = continued(result, 1, tiny_run.settings())
-    np.testing.assert_array_equal(again.diffuse_albedo, result.diffuse_albedo)
+    again = resume(result, 1, tiny_run.settings())
+    np.testing.assert_array_equal(again.face.maps.diffuse_albedo, albedo)
 
 
 def test_a_painted_albedo_is_the_start(face, tmp_path):
@@ -68,43 +72,50 @@ def test_a_painted_albedo_is_the_start(face, tmp_path):
     Image.fromarray(pixels).save(path)
     start, files = edited(load(tmp_path / "a"), tmp_path / "a", 5)
     assert files == ["diffuse_albedo.png"]
-    result = continued(start, 5, still(5))
-    inside = result.mask > 0
-    gain = (result.diffuse_albedo / start.face.maps.diffuse_albedo)[inside]
+    result = resume(start, 5, still(5))
+    inside = result.face.mask > 0
+    gain = (result.face.maps.diffuse_albedo / start.face.maps.diffuse_albedo)[inside]
     np.testing.assert_allclose(gain, gain.mean(), rtol=1e-4)
     assert gain.mean() == pytest.approx(1, rel=0.05)
     np.testing.assert_allclose(
-        result.specular_albedo[inside], face.specular_albedo[inside], rtol=0.2
+        result.face.maps.specular_albedo[inside],
+        face.face.maps.specular_albedo[inside],
+        rtol=0.2,
     )
-    np.testing.assert_allclose(result.vertices, face.vertices, atol=1e-5)
-    np.testing.assert_allclose(result.perturbation, face.perturbation, atol=1e-6)
-    assert set(result.metrics["losses"]) == {"stage1", "stage2", "stage3", "stage4"}
+    np.testing.assert_allclose(result.face.mesh.vertices, face.face.mesh.vertices, atol=1e-5)
+    perturbation = face.face.maps.perturbation
+    np.testing.assert_allclose(result.face.maps.perturbation, perturbation, atol=1e-6)
+    assert set(result.metrics.losses) == {"stage1", "stage2", "stage3", "stage4"}
 
 
 @pytest.mark.parametrize("stage", [2, 3, 4])
 def test_every_stage_can_be_the_first(face, stage):
     """The earlier ones' losses are kept, the later ones run on the smaller mask."""
-    regions = face.regions.copy()
+    regions = face.photo.regions.weights.copy()
     regions[:12] = (0, 0, 0, 0, 0, 1)
-    result = continued(replace(face, regions=regions), stage, tiny_run.settings())
-    assert list(result.metrics["losses"]) == [f"stage{k}" for k in range(1, 6)]
-    assert result.metrics["losses"]["stage1"] == face.metrics["losses"]["stage1"]
-    assert result.mask[:12].max() == 0
-    assert result.mask[12:].max() == 1
-    inside = result.mask > 0
-    assert np.abs(result.render - result.image)[inside].mean() < 0.15
-    np.testing.assert_array_equal(result.fit.vertices, face.fit.vertices)
+    masked = changed(face, {"photo.regions.weights": regions})
+    result = resume(masked, stage, tiny_run.settings())
+    assert list(result.metrics.losses) == [f"stage{k}" for k in range(1, 6)]
+    assert result.metrics.losses["stage1"] == face.metrics.losses["stage1"]
+    assert result.face.mask[:12].max() == 0
+    assert result.face.mask[12:].max() == 1
+    inside = result.face.mask > 0
+    assert np.abs(result.images.render - result.photo.image)[inside].mean() < 0.15
+    np.testing.assert_array_equal(result.head.mesh.vertices, face.head.mesh.vertices)
 
 
-def test_what_cannot_be_continued(face):
-    """Results without the fit, other sizes, stages there are not."""
-    with pytest.raises(OutputError, match="saved by an older unlit"):
-        continued(replace(face, fit=None), 2, tiny_run.settings())
-    with pytest.raises(SettingsError, match="resolution=64"):
-        continued(face, 2, replace(tiny_run.settings(), resolution=64))
-    with pytest.raises(SettingsError, match=r"landmark_fit\.huber=5\.0: the saved"):
-        continued(face, 2, tiny_run.settings(**{"landmark_fit.huber": 5}))
+def test_what_cannot_be_resume(face):
+    """Other settings of what is kept, stages there are not."""
+    with pytest.raises(SettingsError, match="resolution=300"):
+        resume(face, 2, tiny_run.settings(resolution=300))
+    for changes in (
+        {"light_color": "2700K"},
+        {"cast_shadow.mode": "auto"},
+        {"landmark_fit.huber": 5},
+    ):
+        with pytest.raises(SettingsError, match="the saved result keeps its own"):
+            check_resumable(face, 2, tiny_run.settings(**changes))
     with pytest.raises(SettingsError, match="head_model=ict: the saved result keeps its own"):
-        continued(face, 2, tiny_run.settings(head_model="ict"))
+        resume(face, 2, tiny_run.settings(head_model="ict"))
     with pytest.raises(SettingsError, match="choose 1 to 5"):
-        continued(face, 6, tiny_run.settings())
+        resume(face, 6, tiny_run.settings())

@@ -29,7 +29,7 @@ def test_positions_and_triangles_are_the_mesh(unpacked, face):
     numbers, arrays = unpacked
     at = arrays["position"].reshape(-1, 3) / 65535 * numbers["extent"] + numbers["low"]
     corners = at[arrays["triangles"].reshape(-1, 3)]
-    assert np.abs(corners - face.vertices[face.triangles]).max() < 1e-3
+    assert np.abs(corners - face.face.mesh.vertices[face.face.mesh.triangles]).max() < 1e-3
 
 
 def test_offsets_suit_every_type(unpacked):

@@ -2,12 +2,12 @@
 
 import io
 import zipfile
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from changed import changed, part
 from unlit.color import encode_srgb
 from unlit.errors import OutputError
 from unlit.report.stages import STAGES, pack_stages, read_stages, stage_pictures
@@ -22,23 +22,28 @@ def decoded(content: bytes) -> np.ndarray:
 def test_pictures_show_the_state(face):
     taken = stage_pictures(face)
     assert taken.keys() == {"render", "albedo", "normals"}
-    truth = encode_srgb(face.diffuse_albedo) * (face.mask > 0)[..., None]
-    inside = np.zeros(face.mask.shape, bool)
+    truth = encode_srgb(face.face.maps.diffuse_albedo) * (face.face.mask > 0)[..., None]
+    inside = np.zeros(face.face.mask.shape, bool)
     inside[44:52, 44:52] = True  # away from edges, where lossy pictures differ
     assert np.abs(decoded(taken["albedo"]) - truth)[inside].max() < 0.04
 
 
 def test_no_render_before_the_first_stage(face):
-    after_fit = stage_pictures(replace(face, render=np.zeros_like(face.render)))
+    after_fit = stage_pictures(changed(face, {"images.render": np.zeros_like(face.images.render)}))
     assert after_fit.keys() == {"albedo", "normals"}
 
 
 def test_large_states_are_reduced(face):
     large = {
-        name: np.repeat(np.repeat(getattr(face, name), 8, axis=0), 8, axis=1)
-        for name in ("render", "diffuse_albedo", "specular_normal", "mask")
+        place: np.repeat(np.repeat(part(face, place), 8, axis=0), 8, axis=1)
+        for place in (
+            "images.render",
+            "face.maps.diffuse_albedo",
+            "face.normals.specular",
+            "face.mask",
+        )
     }
-    assert decoded(stage_pictures(replace(face, **large))["render"]).shape == (512, 512, 3)
+    assert decoded(stage_pictures(changed(face, large))["render"]).shape == (512, 512, 3)
 
 
 def test_kept_pictures_come_back_in_order(face, tmp_path):

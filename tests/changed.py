@@ -1,0 +1,24 @@
+"""Other values in the nested parts of a result, which is frozen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+def changed(whole: T, parts: dict[str, object]) -> T:
+    """`whole` with other values at dotted places, such as "face.maps.roughness"."""
+    for place, value in parts.items():
+        name, _, rest = place.partition(".")
+        inner = changed(getattr(whole, name), {rest: value}) if rest else value
+        whole = replace(whole, **{name: inner})  # type: ignore[type-var]
+    return whole
+
+
+def part(whole: object, place: str) -> object:
+    """What is at a dotted place."""
+    for name in place.split("."):
+        whole = getattr(whole, name)
+    return whole
