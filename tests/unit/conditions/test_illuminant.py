@@ -3,15 +3,8 @@
 import numpy as np
 import pytest
 
-from unlit.color import decode_srgb
-from unlit.conditions.illuminant import (
-    WHITE,
-    fitting,
-    of_card,
-    of_temperature,
-    temperature,
-    told,
-)
+from unlit.color import WHITE, decode_srgb
+from unlit.conditions.illuminant import fitting, of_card, of_temperature, temperature, told
 from unlit.errors import SettingsError
 from unlit.photo.photo import Photo
 from unlit.settings.conditions import LightColorRequest

@@ -7,6 +7,7 @@ from changed import changed, part
 from report_head import report_head
 from unlit.face.warnings import warnings
 from unlit.photo.crop import Crop
+from unlit.settings.conditions import LightColorRequest
 from unlit.settings.settings import Settings
 
 
@@ -90,6 +91,6 @@ def test_skin_is_no_grey_card(face):
     """A card's pixel on the face is warned of, one beside it is not."""
     row, column = np.argwhere(face.face.mask > 0.5).mean(axis=0).astype(int)
     x, y = face.photo.crop.inverse_points((column + 0.5, row + 0.5))
-    (sentence,) = warnings(changed(face, {"settings.light_color": f"{x},{y}"}))
+    (sentence,) = warnings(changed(face, {"settings.light_color": LightColorRequest(f"{x},{y}")}))
     assert sentence.startswith("Grey card")
-    assert warnings(changed(face, {"settings.light_color": "0,0"})) == ()
+    assert warnings(changed(face, {"settings.light_color": LightColorRequest("0,0")})) == ()

@@ -161,9 +161,9 @@ def test_inter_reflection_takes_the_albedo_of_the_result(monkeypatch, said, colo
     level = float(luminance(result.face.maps.diffuse_albedo[skin]).mean())
     known = [float(luminance(albedo[skin]).mean()) for albedo in shown]
     assert len(known) > 10
-    # Only a known albedo is that from the start; the others follow the estimate.
-    rest = known if said.startswith("skin") else known[len(known) // 2 :]
-    np.testing.assert_allclose(rest, level, rtol=0.05)
+    # Only a known albedo is that from the start; the others follow the estimate, and arrive.
+    rest = known if said.startswith("skin") else known[-len(known) // 4 :]
+    np.testing.assert_allclose(rest, level, rtol=0.05 if said.startswith("skin") else 0.01)
 
 
 def test_its_own_light_gives_the_pinned_render(pinned):
