@@ -182,9 +182,8 @@ def baseline_rows(
     iterations = sum(stage.iterations for stage in TABLE_1.values())
     lines = []
     for row in rows:
-        seconds = sum(v for k, v in row.face.metrics["seconds"].items() if k.startswith("stage"))
-        settings = row.face.settings
-        own = seconds / max(1, sum(settings[stage]["iterations"] for stage in TABLE_1))
+        seconds = sum(v for k, v in row.face.metrics.seconds.items() if k.startswith("stage"))
+        own = seconds / max(1, sum(row.face.settings.iterations().values()))
         ours = [cell.metrics["gained"]["face"] for cell in row.relit]
         found = fit(row.face)
         truth = row.maps["albedo_psnr"]

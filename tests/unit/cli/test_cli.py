@@ -368,6 +368,6 @@ def test_the_public_names_exist_and_are_lazy():
     subprocess.run([sys.executable, "-c", code], check=True)
     for name in unlit.__all__:
         assert getattr(unlit, name) is not None
-    assert unlit.lights.RASTER == (180, 360)
+    assert unlit.lights.flash().shape == (180, 360)
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
         _ = unlit.nonsense
