@@ -16,6 +16,7 @@ import unlit
 from unlit import cli
 from unlit.cli import settings
 from unlit.errors import FaceError, ModelError
+from unlit.face.reconstruction import Metrics
 from unlit.settings import settings as schedule
 
 COMMANDS = ("reconstruct", "demo", "evaluate", "montage", "models", "doctor")
@@ -119,7 +120,10 @@ def test_wrong_usage_is_2(capsys, arguments):
 def test_settings_in_order_of_precedence(photo, pipeline, tmp_path, capsys, monkeypatch):
     """Preset, then --config, then --resolution, then --set."""
     monkeypatch.setattr("unlit.output.save", lambda *_: None)
-    pipeline.run = lambda options: types.SimpleNamespace(metrics={})
+    made = types.SimpleNamespace(
+        head=types.SimpleNamespace(landmark_residual=None), metrics=Metrics({}, {}, 0.0)
+    )
+    pipeline.run = lambda options: made
     config = tmp_path / "c.toml"
     config.write_text("resolution = 300\nbounces = 1\nclip = 2.0\n[stage2]\niterations = 7\n")
     arguments = ("--preset", "draft", "--config", str(config), "--resolution", "400")
