@@ -3,7 +3,7 @@
 In the stages nothing but the head itself blocks the light, so such a shadow would be painted into
 the albedo, and bend the light on the way. A short stage 1, in which all skin has one colour, cannot
 explain it. What is left over is a large part of the skin, much darker than the model, that begins
-at the face's outline, beyond which the thing is that casts it. There the photo is no evidence, and
+at the face's outline, beyond which the thing is that casts it. There the photo gets no weight, and
 the stages fill the maps in. What is dark otherwise stays skin: moles, birthmarks and folds do not
 reach the outline, beards lie below the nose, freckles are small.
 """
@@ -33,7 +33,7 @@ _WHITE = float(decode_srgb(np.float32(UNCLIPPED[1])))
 def cast_shadow(
     observation: Observation, above: np.ndarray, settings: Settings
 ) -> np.ndarray | None:
-    """Where the photo is evidence: (S, S) float32 in [0, 1], 0 in a shadow.
+    """Visibility of the light that the head itself leaves: (S, S) float32 in [0, 1], 0 in a shadow.
 
     above: (S, S) bool, what lies above the base of the nose. None where there is no shadow, or the
     head and the mask do not overlap.
@@ -55,14 +55,15 @@ def cast_shadow(
 
 
 def attenuation(
-    image: np.ndarray, render: np.ndarray, lit: np.ndarray, settings: CastShadow
+    image: np.ndarray, render: np.ndarray, visibility: np.ndarray, settings: CastShadow
 ) -> np.ndarray:
-    """What the shadow leaves of the light: (S, S, 3) float32, at most 1, and 1 where `lit` is.
+    """What the shadow leaves of the light: (S, S, 3) float32, in [0, 1], 1 where `visibility` is.
 
-    The photo over the render without the shadow, smooth: shading has it, as albedo has it not.
+    `image` over `render` without the shadow, both (S, S, 3) linear, smooth: shading has it, as
+    albedo has it not.
     """
-    reach = settings.soft * len(lit) / _SIZE
-    shadow = ((1 - lit) * (render > 0).any(axis=2))[..., None]
+    reach = settings.soft * len(visibility) / _SIZE
+    shadow = ((1 - visibility) * (render > 0).any(axis=2))[..., None]
     least = settings.least_seen
     ratio = np.log(np.maximum(image, least) / np.maximum(render, least))
 

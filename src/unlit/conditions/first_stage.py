@@ -51,7 +51,5 @@ def short_stage1(observation: Observation, settings: Settings) -> ShortStage1:
     maps = problem.maps(estimate)
     shading.update(radiance, maps)
     e, s = (problem.image(part, "zero") for part in shading.shade(radiance))
-    covered = np.zeros(observation.mask.shape, dtype=bool)
-    covered.ravel()[problem.pixel] = True
     render = maps.diffuse_albedo * e + maps.specular_albedo[..., None] * s
-    return ShortStage1(e.mean(axis=2), s.mean(axis=2), render, covered)
+    return ShortStage1(e.mean(axis=2), s.mean(axis=2), render, problem.inside)

@@ -46,7 +46,7 @@ class Slopes:
 def estimated_color(
     observation: Observation, settings: Settings
 ) -> tuple[np.ndarray, LightEstimate]:
-    """The light's colour (3,): white where the evidence does not tell it from white."""
+    """The light's colour (3,), linear sRGB: white where it cannot be told from white."""
     try:
         stage1 = short_stage1(observation, settings)
     except ValueError:  # the head and the mask do not overlap: `solve` says so

@@ -33,6 +33,9 @@ class Problem:
     """The observation on the P pixels that both the mask and the fitted mesh cover.
 
     gain: that of albedo, for inter-reflection. report: called with every loss that is read.
+    As attributes: hits: what the P pixels see now; pixel: (P,) int64, row-major. target:
+    mi.Color3f, the sRGB-encoded photo, censored; weight: mi.Float >= 0, sum 1; roughness: mi.Float,
+    Beckmann alpha; all of width P. regions: (P, 4) float32, sum 1.
 
     Raises ValueError when the mesh and the mask do not overlap, or nothing there has any weight.
     """

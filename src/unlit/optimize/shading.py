@@ -73,8 +73,9 @@ class Shading:
 class LightSample:
     """An even sample of the pixels, enough for the light's few unknowns (stages 1 to 3).
 
-    Its transport is tabulated once, so that the light's gradient is two matrix products; the
-    indirect light of `shading` is taken as it stands at each call.
+    rows: (N,) uint32, which of the P pixels; target, weight: the problem's there, the weights
+    summing to 1. Its transport is tabulated once, so that the light's gradient is two matrix
+    products; the indirect light of `shading` is taken as it stands at each call.
     """
 
     def __init__(self, problem: Problem, shading: Shading) -> None:

@@ -100,9 +100,7 @@ def _reflectance(cosine: Any, alpha: Any) -> Any:
     return texture.eval(mi.Point2f(cosine, v / count))[0]
 
 
-def form_factors(
-    mesh: Mesh, points: ShadingPoints, seen: np.ndarray, count: int = 256
-) -> FormFactors:
+def form_factors(mesh: Mesh, points: ShadingPoints, seen: np.ndarray, count: int) -> FormFactors:
     """Trace `count` directions from the vertices `seen` and record which triangles they end on.
 
     points: the mesh's vertices as shading points, width V; seen: indices of those that receive,
@@ -196,7 +194,8 @@ class Interreflection:
 
     roughness: (H, W) map, Beckmann alpha. bounces: substitutions, each one more inter-reflection;
     0 leaves indirect light out. rays: of each vertex. emitting: (N,) indices of the vertices that
-    send light to those that the camera sees, emitters: these as shading points.
+    send light to those that the camera sees, emitters: these as shading points. world: (V, 3)
+    vertices, cm. to_pixels: sparse (P, V), interpolation at the hits.
     """
 
     def __init__(

@@ -39,14 +39,7 @@ def traced(
     """Path-traced (S, S, 3) linear sRGB under `environment` (H, W[, 3]), beyond the mask, too."""
     mesh = Mesh(face.mesh.vertices, face.mesh.triangles)
     return path_trace(
-        mesh,
-        face.camera,
-        face.maps,
-        environment,
-        samples,
-        BOUNCES,
-        seed,
-        progress=progress,
+        mesh, face.camera, face.maps, environment, samples, BOUNCES, seed, progress=progress
     )
 
 

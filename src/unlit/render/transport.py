@@ -16,7 +16,7 @@ with the normal.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -51,9 +51,7 @@ class ShadingPoints:
 
     def gather(self, index: Any) -> ShadingPoints:
         """The points at `index` (mi.UInt32)."""
-        return ShadingPoints(
-            *(dr.gather(type(v), v, index) for v in (getattr(self, f.name) for f in fields(self)))
-        )
+        return ShadingPoints(*(dr.gather(type(v), v, index) for v in vars(self).values()))
 
     @property
     def to_viewer(self) -> Any:
@@ -66,9 +64,11 @@ class ShadingPoints:
 
 
 class Quadrature:
-    """The quadrature on the device: eight floats per cell, read as one packet.
+    """The quadrature of the light's sphere on the device, D cells.
 
-    They are the unit direction, the solid angle, the first moment / pi, and a zero.
+    directions: mi.Vector3f of width D, unit, to the light. solid_angle: (D,) float64, steradian.
+    table: eight floats per cell, read as one packet: unit direction, solid angle, first moment /
+    pi, and a zero.
     """
 
     def __init__(self, cells: SphereCells) -> None:
@@ -120,13 +120,13 @@ def _seen(bits: Any, points: Any, point: Any, d: Any, word: Any) -> tuple[Any, A
     return ((word >> (d & 31)) & 1) != 0, word
 
 
-def _where(seen: Any, lit: Any, d: Any, *sums: Any) -> tuple[Any, ...]:
-    """lit(d, *sums) where `seen`, else `sums`.
+def _if_seen(seen: Any, add: Any, d: Any, *sums: Any) -> tuple[Any, ...]:
+    """add(d, *sums) where `seen`, else `sums`.
 
     A branch, and not a selection: most neighbours agree on what they see, so half of the work is
     skipped (measured: 1.6 times faster, the same bits).
     """
-    return dr.if_stmt((d, *sums), seen, lit, lambda d, *sums: sums)
+    return dr.if_stmt((d, *sums), seen, add, lambda d, *sums: sums)
 
 
 def shade(
@@ -142,14 +142,14 @@ def shade(
     point = dr.arange(mi.UInt32, len(points))
     viewer = points.to_viewer
 
-    def lit(d: Any, e: Any, s: Any) -> tuple[Any, Any]:
+    def add(d: Any, e: Any, s: Any) -> tuple[Any, Any]:
         diffuse, lobe = _terms(points, viewer, quadrature, d)
         value = dr.gather(colour, light, d)
         return e + value * diffuse, s + value * lobe
 
     def body(d: Any, word: Any, e: Any, s: Any) -> tuple[Any, ...]:
         seen, word = _seen(bits, width, point, d, word)
-        return d + 1, word, *_where(seen, lit, d, e, s)
+        return d + 1, word, *_if_seen(seen, add, d, e, s)
 
     zero, none = dr.zeros(colour, len(points)), dr.zeros(mi.UInt32, len(points))
     state = (none, mi.UInt32(none), zero, colour(zero))
@@ -175,14 +175,14 @@ def lobe_towards(
     light = device(colour, radiance)
     count, width = dr.opaque(mi.UInt32, len(quadrature)), dr.opaque(mi.UInt32, points)
 
-    def lit(d: Any, s: Any) -> tuple[Any, ...]:
+    def add(d: Any, s: Any) -> tuple[Any, ...]:
         towards, _, solid_angle = quadrature.gather(d)
         lobe = specular(normal, towards, viewer, roughness) * solid_angle
         return (s + dr.gather(colour, light, d) * lobe,)
 
     def body(d: Any, word: Any, s: Any) -> tuple[Any, ...]:
         seen, word = _seen(bits, width, point, d, word)
-        return d + 1, word, *_where(seen, lit, d, s)
+        return d + 1, word, *_if_seen(seen, add, d, s)
 
     none = dr.zeros(mi.UInt32, dr.width(point))
     state = (none, mi.UInt32(none), dr.zeros(colour, dr.width(point)))
@@ -191,7 +191,11 @@ def lobe_towards(
 
 @dataclass(frozen=True)
 class Linearization:
-    """First-order shading about the normals n0: E0 + B . (n_d - n0_d), S0 + C . (n_s - n0_s)."""
+    """First-order shading about the normals n0: E0 + B . (n_d - n0_d), S0 + C . (n_s - n0_s).
+
+    diffuse, specular: E0 and S0, mi.Float of width P; their gradients B, C, mi.Vector3f; the unit
+    normals n0, mi.Vector3f.
+    """
 
     diffuse: Any
     specular: Any
@@ -220,7 +224,7 @@ def linearize(
     point = dr.arange(mi.UInt32, len(points))
     viewer = points.to_viewer
 
-    def lit(d: Any, b: Any, s: Any, c: Any) -> tuple[Any, Any, Any]:
+    def add(d: Any, b: Any, s: Any, c: Any) -> tuple[Any, Any, Any]:
         towards, moment, solid_angle = quadrature.gather(d)
         value = dr.gather(mi.Float, light, d)
         above = dr.dot(points.diffuse_normal, moment) > 0
@@ -233,7 +237,7 @@ def linearize(
 
     def body(d: Any, word: Any, b: Any, s: Any, c: Any) -> tuple[Any, ...]:
         seen, word = _seen(bits, width, point, d, word)
-        return d + 1, word, *_where(seen, lit, d, b, s, c)
+        return d + 1, word, *_if_seen(seen, add, d, b, s, c)
 
     zero, none = dr.zeros(mi.Vector3f, len(points)), dr.zeros(mi.UInt32, len(points))
     state = (none, mi.UInt32(none), zero, dr.zeros(mi.Float, len(points)), mi.Vector3f(zero))

@@ -85,7 +85,10 @@ class _Radiance(dr.CustomOp):
 
 
 class CellRadiance:
-    """Mean radiance per cell of a mixture of lobes, for one fixed set of cells."""
+    """Mean radiance per cell of a mixture of lobes, for one fixed set of D cells.
+
+    nodes: mi.Vector3f of width 4 D, unit: where the lobes are evaluated.
+    """
 
     def __init__(self, cells: SphereCells) -> None:
         nodes = _nodes(cells).reshape(-1, 3)

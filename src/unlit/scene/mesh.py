@@ -43,6 +43,8 @@ class Mesh:
     """A triangle mesh in a Mitsuba scene of its own, built once and moved by `set_vertices`.
 
     vertices: (V, 3) float32, world frame, cm. triangles: (F, 3), counter-clockwise from outside.
+    As attributes: vertices mi.Point3f and normals mi.Vector3f, unit, of width V; triangles
+    mi.Vector3u of width F; corners: of all triangles; scene: Mitsuba's, with the mesh alone in it.
     """
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:
