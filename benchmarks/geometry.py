@@ -34,7 +34,7 @@ import cv2
 import numpy as np
 from subjects import SHARED, ict, lee_perry_smith, own
 
-import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is loaded
+import unlit
 
 # isort: split
 from threadpoolctl import threadpool_limits
@@ -47,16 +47,22 @@ from unlit.evaluate.psnr import psnr
 from unlit.evaluate.store import Store
 from unlit.evaluate.subject import visible_surface
 from unlit.evaluate.table import Table, markdown
+from unlit.face.conditions import Conditions
+from unlit.face.face import PosedMesh
+from unlit.face.head import FittedHead
+from unlit.face.photo import FacePhoto
 from unlit.fit.landmarks import HeadFit, LandmarkProblem
 from unlit.fit.shading import photometric_fit
 from unlit.head.landmark_error import NO_ERROR
 from unlit.head.model import HeadModel
 from unlit.head.sources.library import default_model
+from unlit.optimize.run_record import RunRecord
 from unlit.output import write_one
 from unlit.output.images import png
 from unlit.perception.topology import FACE_OVAL, LEFT_EYE, LIPS_INNER, RIGHT_EYE
 from unlit.photo.photo import Photo
-from unlit.pipeline.chain import Capture, Head, observe, solve
+from unlit.pipeline.chain import Steps, run_chain
+from unlit.pipeline.observe import observe
 from unlit.settings.fit import LandmarkFit, ShadingFit
 from unlit.settings.settings import PRESETS, Settings
 from unlit.storage.keys import key
@@ -138,7 +144,7 @@ class Case:
     name: str
     light: str
     yaw: float
-    capture: Capture
+    photo: FacePhoto
     mask: np.ndarray
     position: np.ndarray
     normal: np.ndarray
@@ -164,13 +170,13 @@ def cases(
         seed=seed,
     )
     shots = study.shots()
-    captures = {shot.light.name: _capture(name, shot, subject) for shot in shots}
+    photos_by_light = {shot.light.name: _observed(name, shot, subject) for shot in shots}
     position, normal = visible_surface(*_welded(vertices, triangles), subject.camera)
-    mask = face(captures["uniform"].landmarks[:, :2], size) & (normal != 0).any(axis=2)
+    mask = face(photos_by_light["uniform"].landmarks[:, :2], size) & (normal != 0).any(axis=2)
     return [
-        Case(name, x, person.yaw, captures[x], mask, position, normal, shots)
+        Case(name, x, person.yaw, photos_by_light[x], mask, position, normal, shots)
         for x in lights
-        if x in captures
+        if x in photos_by_light
     ]
 
 
@@ -179,7 +185,7 @@ def named(name: str) -> Light:
     return replace(light(str(SKY)), name=name) if name == "sky" else light(name)
 
 
-def _capture(name: str, shot: Shot, subject: Known) -> Capture:
+def _observed(name: str, shot: Shot, subject: Known) -> FacePhoto:
     photo = np.rint(255 * np.clip(encode_srgb(shot.image), 0, 1)).astype(np.uint8)
     return observe(Photo.of(photo, name), shot.image.shape[0], "largest", camera=subject.camera)
 
@@ -211,44 +217,44 @@ def face(landmarks: np.ndarray, size: int) -> np.ndarray:
     return (inside > 0) & (cv2.dilate(holes, disk(3)) == 0)
 
 
-Fitter = Callable[[HeadModel, Capture], HeadFit]
+Fitter = Callable[[HeadModel, FacePhoto], HeadFit]
 
 
-def _closed(capture: Capture) -> bool:
-    return bool(capture.regions.mouth.max() < 0.5)
+def _closed(photo: FacePhoto) -> bool:
+    return bool(photo.regions.mouth.max() < 0.5)
 
 
-def mean_head(model: HeadModel, capture: Capture) -> HeadFit:
+def mean_head(model: HeadModel, photo: FacePhoto) -> HeadFit:
     """The mean head with the pose that fits the landmarks best."""
-    problem = LandmarkProblem(model, capture.landmarks, capture.camera, LandmarkFit())
+    problem = LandmarkProblem(model, photo.landmarks, photo.camera, LandmarkFit())
     state = problem.start()
     for _ in range(problem.settings.iterations):
         state = problem.step(state, free_shape=False)
     return problem.posed(state, model.vertices(state.identity, state.expression))
 
 
-def tight_fit(model: HeadModel, capture: Capture) -> HeadFit:
+def tight_fit(model: HeadModel, photo: FacePhoto) -> HeadFit:
     """To all landmarks as the landmarker gives them, trusted to 1.5 pixels of 512."""
-    problem = LandmarkProblem(model, capture.landmarks, capture.camera, TIGHT, NO_ERROR)
-    return problem.solve(_closed(capture))
+    problem = LandmarkProblem(model, photo.landmarks, photo.camera, TIGHT, NO_ERROR)
+    return problem.solve(_closed(photo))
 
 
-def landmark_fit(model: HeadModel, capture: Capture) -> HeadFit:
+def landmark_fit(model: HeadModel, photo: FacePhoto) -> HeadFit:
     """To the landmarks alone, as `shading_fit` starts."""
     problem = LandmarkProblem(
-        model, capture.landmarks, capture.camera, LandmarkFit(), image=capture.image
+        model, photo.landmarks, photo.camera, LandmarkFit(), image=photo.image
     )
-    return problem.solve(_closed(capture))
+    return problem.solve(_closed(photo))
 
 
-def shading_fit(model: HeadModel, capture: Capture) -> HeadFit:
+def shading_fit(model: HeadModel, photo: FacePhoto) -> HeadFit:
     """What `unlit reconstruct` does."""
     problem = LandmarkProblem(
-        model, capture.landmarks, capture.camera, LandmarkFit(), image=capture.image
+        model, photo.landmarks, photo.camera, LandmarkFit(), image=photo.image
     )
-    closed = _closed(capture)
+    closed = _closed(photo)
     fit = problem.solve(closed)
-    return photometric_fit(problem, fit, capture.image, capture.regions, ShadingFit(), closed)
+    return photometric_fit(problem, fit, photo.image, photo.regions, ShadingFit(), closed)
 
 
 FITTERS: dict[str, Fitter] = {
@@ -269,7 +275,7 @@ class Found:
 
 def judge(case: Case, model: HeadModel, fit: HeadFit, seconds: float) -> Found:
     """The errors that the module's docstring names."""
-    position, normal = visible_surface(fit.vertices, model.triangles, case.capture.camera)
+    position, normal = visible_surface(fit.vertices, model.triangles, case.photo.camera)
     error = _degrees(case, normal)
     seen = np.isfinite(error)
     ours, true = -position[seen][:, 2], -case.position[seen][:, 2]
@@ -299,16 +305,20 @@ def _degrees(case: Case, normal: np.ndarray) -> np.ndarray:
 
 def relit(case: Case, model: HeadModel, fit: HeadFit, settings: Settings) -> dict[str, float]:
     """What the stages make of the fit: PSNR under each light, mean angles of mesh and map."""
-    face = solve(case.capture, Head.of_fit(model, fit), settings)
+    posed = PosedMesh(fit.vertices, model.triangles, model.uv, model.triangle_uv)
+    head = FittedHead(posed, fit.landmarks.astype(np.float32), model.landmark_points)
+    steps = Steps(lambda _: case.photo, lambda *_: head, lambda *_: Conditions())
+    result = run_chain(steps, settings, RunRecord(lambda *_: None))
+    face = result.face
     mask = (face.mask > 0.5) & (case.normal != 0).any(axis=2)
     figures = {}
     for shot in case.shots:
-        image = face.relight(shot.light.environment)
+        image = unlit.relight(result, shot.light.environment)
         gain = best_gain(image, shot.image, mask)
         figures[f"relit_{shot.light.name}"] = psnr(image * gain, shot.image, mask)
-    mesh = visible_surface(face.vertices, face.triangles, face.camera)[1]
+    mesh = visible_surface(face.mesh.vertices, face.mesh.triangles, face.camera)[1]
     figures["mesh_after"] = np.nanmean(_degrees(case, mesh))
-    figures["map_after"] = np.nanmean(_degrees(case, face.specular_normal))
+    figures["map_after"] = np.nanmean(_degrees(case, face.normals.specular))
     return {name: round(float(x), 3) for name, x in figures.items()}
 
 
@@ -318,7 +328,7 @@ def run(case: Case, model: HeadModel, relight: bool = False) -> dict[str, Found]
     for name, fitter in FITTERS.items():
         start = time.process_time()
         with threadpool_limits(1, user_api="blas"):
-            fit = fitter(model, case.capture)
+            fit = fitter(model, case.photo)
         found[name] = judge(case, model, fit, time.process_time() - start)
         if relight and name in RELIT:
             found[name].figures.update(relit(case, model, fit, STAGES))
@@ -348,7 +358,7 @@ def picture(rows: list[tuple[Case, dict[str, Found]]]) -> np.ndarray:
     """(H, W, 3) uint8 sRGB: one row a light, the photo and each way's error, 0 to 30 degrees."""
     lines = []
     for case, found in rows:
-        photo = np.rint(255 * np.clip(encode_srgb(case.capture.image), 0, 1)).astype(np.uint8)
+        photo = np.rint(255 * np.clip(encode_srgb(case.photo.image), 0, 1)).astype(np.uint8)
         line = [photo]
         for way in found.values():
             level = np.rint(255 * np.clip(np.nan_to_num(way.image) / _WORST, 0, 1))

@@ -22,9 +22,10 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 # isort: split
 import drjit as dr
 
+from unlit.color import UNCLIPPED
 from unlit.machine.runtime import mitsuba
 from unlit.optimize.blur import Blur
-from unlit.optimize.losses import EXPOSED, image_l1
+from unlit.optimize.losses import image_l1
 from unlit.render.interreflection import Interreflection
 from unlit.render.transport import (
     Quadrature,
@@ -110,7 +111,7 @@ class Case:
         # Off by enough that no step crosses the kink of the L1 loss at most pixels.
         shape = (3, len(self.pixel))
         noise = rng.choice([-1, 1], shape) * rng.uniform(0.02, 0.1, shape)
-        self.target = np.clip(_encode(self.render(self.state)) + noise, *EXPOSED)
+        self.target = np.clip(_encode(self.render(self.state)) + noise, *UNCLIPPED)
 
     def radiance(self, state: dict[str, Any]) -> np.ndarray:
         axis = state["axis"] / np.linalg.norm(state["axis"], axis=0)
@@ -148,7 +149,7 @@ class Case:
 
     def loss(self, state: dict[str, Any]) -> float:
         """The stages' image loss, in double precision."""
-        difference = np.abs(np.clip(_encode(self.render(state)), *EXPOSED) - self.target)
+        difference = np.abs(np.clip(_encode(self.render(state)), *UNCLIPPED) - self.target)
         return float((self.weight * difference).sum() / 3)
 
     def gradients(self) -> dict[str, np.ndarray]:

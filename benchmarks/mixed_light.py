@@ -28,9 +28,14 @@ from unlit.evaluate.metrics import angle, best_gain
 from unlit.evaluate.protocol import Known
 from unlit.evaluate.psnr import psnr
 from unlit.evaluate.table import Table, markdown
+from unlit.face.conditions import Conditions
+from unlit.face.head import FittedHead
+from unlit.face.photo import FacePhoto
 from unlit.face.reconstruction import Reconstruction
+from unlit.optimize.run_record import RunRecord
 from unlit.photo.photo import Photo
-from unlit.pipeline.chain import Capture, Head, observe, solve
+from unlit.pipeline.chain import Steps, run_chain
+from unlit.pipeline.observe import observe
 from unlit.scene.light import RASTER, disc, latlong_solid_angles
 from unlit.settings.settings import PRESETS
 from unlit.storage.pictures import read_picture
@@ -75,16 +80,22 @@ def photograph(subject: Known, environment: np.ndarray) -> np.ndarray:
 Way = tuple[np.ndarray, dict[str, np.ndarray]]  # albedo; the face by white light
 
 
-def one_light(capture: Capture, head: Head) -> tuple[Way, Reconstruction]:
-    face = solve(capture, head, SETTINGS)
-    return (face.diffuse_albedo, {x: face.relight(e) for x, e in WHITE.items()}), face
+def reconstructed(photo: FacePhoto, head: FittedHead) -> Reconstruction:
+    steps = Steps(lambda _: photo, lambda *_: head, lambda *_: Conditions())
+    return run_chain(steps, SETTINGS, RunRecord(lambda *_: None))
 
 
-def light_of_each_channel(capture: Capture, head: Head) -> Way:
+def one_light(photo: FacePhoto, head: FittedHead) -> tuple[Way, Reconstruction]:
+    made = reconstructed(photo, head)
+    relit = {x: unlit.relight(made, e) for x, e in WHITE.items()}
+    return (made.face.maps.diffuse_albedo, relit), made
+
+
+def light_of_each_channel(photo: FacePhoto, head: FittedHead) -> Way:
     faces = []
     for channel in range(3):
-        grey = np.repeat(capture.image[..., channel : channel + 1], 3, axis=2)
-        faces.append(solve(replace(capture, image=grey), head, SETTINGS))
+        grey = np.repeat(photo.image[..., channel : channel + 1], 3, axis=2)
+        faces.append(reconstructed(replace(photo, image=grey), head))
     area = latlong_solid_angles(*RASTER)
     flux = np.array([(face.light.rasterize() * area).sum() for face in faces])
     gains = flux / flux.mean()
@@ -92,8 +103,8 @@ def light_of_each_channel(capture: Capture, head: Head) -> Way:
     def together(images: list[np.ndarray]) -> np.ndarray:
         return np.stack([x[..., 0] * g for x, g in zip(images, gains, strict=True)], axis=2)
 
-    relit = {x: together([face.relight(e) for face in faces]) for x, e in WHITE.items()}
-    return together([face.diffuse_albedo for face in faces]), relit
+    relit = {x: together([unlit.relight(face, e) for face in faces]) for x, e in WHITE.items()}
+    return together([face.face.maps.diffuse_albedo for face in faces]), relit
 
 
 def figures(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> tuple[list[float], float]:
@@ -111,18 +122,18 @@ def _angle(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
 
 def rows(name: str, subject: Known) -> list[tuple[str, ...]]:
     """The table's lines of one subject."""
-    head = Head.of_mesh(*subject.mesh())
     truth = subject.truth
     by_white = {x: subject.photograph(e, 128) for x, e in WHITE.items()}
     found = []
     for label, make in lights().items():
         image = photograph(subject, make())
-        capture = observe(Photo.of(image.astype(np.float32), name), SIZE, camera=subject.camera)
-        white, face = one_light(capture, head)
-        mask = truth.seen & (face.face.mask > 0.5) & (capture.regions.eyes < 0.3)
+        photo = observe(Photo.of(image.astype(np.float32), name), SIZE, camera=subject.camera)
+        head = FittedHead.of_mesh(*subject.mesh(), photo.landmarks)
+        white, face = one_light(photo, head)
+        mask = truth.seen & (face.face.mask > 0.5) & (photo.regions.eyes < 0.3)
         ways = {
             "one white light": white,
-            "one for each channel": light_of_each_channel(capture, head),
+            "one for each channel": light_of_each_channel(photo, head),
         }
         for way, (albedo, relit) in ways.items():
             (one, three), after_three = figures(albedo, truth.diffuse_albedo, mask)

@@ -25,9 +25,11 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 # isort: split
 import drjit as dr
 
+from unlit.face.gain import AlbedoGain
 from unlit.head.sources.library import default_model
 from unlit.machine.runtime import mitsuba
-from unlit.optimize.problem import Evidence, Problem
+from unlit.optimize.observation import Observation
+from unlit.optimize.problem import Problem
 from unlit.optimize.stages import run_stages
 from unlit.render.reference import mesh_body
 from unlit.render.relighter import composed
@@ -44,7 +46,9 @@ from unlit.settings.table1 import TABLE_1
 mi = mitsuba()
 
 
-def evidence(vertices: np.ndarray, triangles: np.ndarray, camera: Camera, maps: Maps) -> Evidence:
+def observed(
+    vertices: np.ndarray, triangles: np.ndarray, camera: Camera, maps: Maps
+) -> Observation:
     """The head's own rendering as the photo, every seen pixel of the face as skin."""
     mesh = Mesh(vertices, triangles)
     hits = mesh.camera_hits(camera)
@@ -73,7 +77,7 @@ def evidence(vertices: np.ndarray, triangles: np.ndarray, camera: Camera, maps: 
     mask = seen & ((x / 0.31) ** 2 + (y / 0.42) ** 2 < 1)
     regions = np.zeros((*size, 4), np.float32)
     regions[..., 0] = 1
-    return Evidence(
+    return Observation(
         image=image,
         regions=regions,
         mask=mask,
@@ -82,9 +86,7 @@ def evidence(vertices: np.ndarray, triangles: np.ndarray, camera: Camera, maps: 
         vertices=vertices,
         triangles=triangles,
         landmarks=camera.project(np.where(known[:, None], marks, -1.0)),
-        landmark_triangle=model.landmark_points.triangle,
-        landmark_barycentric=model.landmark_points.barycentric,
-        landmark_weight=known.astype(np.float32),
+        landmark_points=model.landmark_points,
     )
 
 
@@ -112,7 +114,7 @@ def stages(
     def after(stage: str, *_: Any) -> None:
         ends[stage] = time.perf_counter()
 
-    problem = Problem(evidence(*head), settings, progress)
+    problem = Problem(observed(*head), settings, AlbedoGain(), progress)
     begin, rows = time.perf_counter(), {"pixels": len(problem)}
     with threadpool_limits(1, user_api="blas"):
         run_stages(problem, after)
