@@ -34,7 +34,7 @@ import cv2
 import numpy as np
 from subjects import SHARED, ict, lee_perry_smith, own
 
-import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is loaded
+import unlit
 
 # isort: split
 from threadpoolctl import threadpool_limits
@@ -63,7 +63,6 @@ from unlit.perception.topology import FACE_OVAL, LEFT_EYE, LIPS_INNER, RIGHT_EYE
 from unlit.photo.photo import Photo
 from unlit.pipeline.chain import Steps, run_chain
 from unlit.pipeline.observe import observe
-from unlit.render.relighter import Relighter
 from unlit.settings.fit import LandmarkFit, ShadingFit
 from unlit.settings.settings import PRESETS, Settings
 from unlit.storage.keys import key
@@ -171,13 +170,13 @@ def cases(
         seed=seed,
     )
     shots = study.shots()
-    photos = {shot.light.name: _observed(name, shot, subject) for shot in shots}
+    photos_by_light = {shot.light.name: _observed(name, shot, subject) for shot in shots}
     position, normal = visible_surface(*_welded(vertices, triangles), subject.camera)
-    mask = face(photos["uniform"].landmarks[:, :2], size) & (normal != 0).any(axis=2)
+    mask = face(photos_by_light["uniform"].landmarks[:, :2], size) & (normal != 0).any(axis=2)
     return [
-        Case(name, x, person.yaw, photos[x], mask, position, normal, shots)
+        Case(name, x, person.yaw, photos_by_light[x], mask, position, normal, shots)
         for x in lights
-        if x in photos
+        if x in photos_by_light
     ]
 
 
@@ -306,19 +305,19 @@ def _degrees(case: Case, normal: np.ndarray) -> np.ndarray:
 
 def relit(case: Case, model: HeadModel, fit: HeadFit, settings: Settings) -> dict[str, float]:
     """What the stages make of the fit: PSNR under each light, mean angles of mesh and map."""
-    mesh = PosedMesh(fit.vertices, model.triangles, model.uv, model.triangle_uv)
-    head = FittedHead(mesh, fit.landmarks.astype(np.float32), model.landmark_points)
+    posed = PosedMesh(fit.vertices, model.triangles, model.uv, model.triangle_uv)
+    head = FittedHead(posed, fit.landmarks.astype(np.float32), model.landmark_points)
     steps = Steps(lambda _: case.photo, lambda *_: head, lambda *_: Conditions())
-    face = run_chain(steps, settings, RunRecord(lambda *_: None)).face
-    relighter = Relighter(face)
+    result = run_chain(steps, settings, RunRecord(lambda *_: None))
+    face = result.face
     mask = (face.mask > 0.5) & (case.normal != 0).any(axis=2)
     figures = {}
     for shot in case.shots:
-        image = relighter(shot.light.environment)
+        image = unlit.relight(result, shot.light.environment)
         gain = best_gain(image, shot.image, mask)
         figures[f"relit_{shot.light.name}"] = psnr(image * gain, shot.image, mask)
-    normal = visible_surface(face.mesh.vertices, face.mesh.triangles, face.camera)[1]
-    figures["mesh_after"] = np.nanmean(_degrees(case, normal))
+    mesh = visible_surface(face.mesh.vertices, face.mesh.triangles, face.camera)[1]
+    figures["mesh_after"] = np.nanmean(_degrees(case, mesh))
     figures["map_after"] = np.nanmean(_degrees(case, face.normals.specular))
     return {name: round(float(x), 3) for name, x in figures.items()}
 

@@ -26,8 +26,15 @@ from unlit.color import UNCLIPPED
 from unlit.machine.runtime import mitsuba
 from unlit.optimize.blur import Blur
 from unlit.optimize.losses import image_l1
-from unlit.render.bounce import Bounce
-from unlit.render.transport import Directions, Points, Transport, linearize, shade, visibility
+from unlit.render.interreflection import Interreflection
+from unlit.render.transport import (
+    Quadrature,
+    ShadingPoints,
+    Transport,
+    linearize,
+    shade,
+    visibility,
+)
 from unlit.scene.camera import Camera
 from unlit.scene.cells import grid_cells
 from unlit.scene.light import SphericalGaussians, disc, grid_lobes
@@ -76,7 +83,7 @@ class Case:
         self.hits = self.mesh.camera_hits(camera)
         self.pixel = self.hits.pixel.numpy().astype(np.int64)
         self.cells = grid_cells()
-        self.directions = Directions(self.cells)
+        self.quadrature = Quadrature(self.cells)
         self.lobes = CellRadiance(self.cells)
         self.roughness = mi.Float(maps.roughness.ravel()[self.pixel])
         size = camera.width, camera.height
@@ -92,10 +99,10 @@ class Case:
             "vertices": vertices.T.astype(np.float64),
         }
         points = self.points(self.state)
-        self.bits = visibility(self.mesh.scene, points, self.directions)
-        bounce = Bounce(self.mesh, camera, self.hits, maps.roughness, 3)
+        self.bits = visibility(self.mesh.scene, points, self.quadrature)
+        interreflection = Interreflection(self.mesh, camera, self.hits, maps.roughness, 3)
         radiance = self.radiance(self.state)
-        e, s = bounce.under(self.directions).shade(radiance, maps)
+        e, s = interreflection.under(self.quadrature).shade(radiance, maps)
         self.indirect = mi.Color3f(e.T.copy()), mi.Color3f(s.T.copy())
         # Facing pixels only: at grazing angles a finite step in the normal leaves the hemisphere.
         facing = dr.dot(points.specular_normal, points.to_viewer).numpy() > 0.25
@@ -124,16 +131,16 @@ class Case:
         specular = dr.normalize(normal + perturbation)
         return position, dr.normalize(normal + self.blur(perturbation)), specular, geometric
 
-    def points(self, state: dict[str, Any]) -> Points:
+    def points(self, state: dict[str, Any]) -> ShadingPoints:
         position, diffuse, specular, geometric = self.normals(
             mi.Point3f(state["vertices"].astype(np.float32)),
             mi.Vector3f(state["perturbation"].astype(np.float32)),
         )
-        return Points(position, diffuse, specular, geometric, self.roughness)
+        return ShadingPoints(position, diffuse, specular, geometric, self.roughness)
 
     def render(self, state: dict[str, Any]) -> np.ndarray:
         """Exact image (3, P), float64, with visibility and indirect light as at the start."""
-        e, s = shade(self.points(state), self.directions, self.bits, self.radiance(state))
+        e, s = shade(self.points(state), self.quadrature, self.bits, self.radiance(state))
         e, s = (
             x.numpy().astype(np.float64) + more.numpy()
             for x, more in zip((e, s), self.indirect, strict=True)
@@ -162,7 +169,7 @@ class Case:
             image = dr.exp(mi.Color3f(log_diffuse)) * e + dr.exp(log_specular) * s
             dr.backward(image_l1(image, target, weight))
 
-        light = Transport(points, self.directions, self.bits)
+        light = Transport(points, self.quadrature, self.bits)
         radiance = self.lobes(
             dr.normalize(state["axis"]),
             dr.exp(state["log_sharpness"]),
@@ -170,7 +177,7 @@ class Case:
         )
         maps = state["log_diffuse"], state["log_specular"]
         backward(*maps, *light.shade(radiance))
-        local = linearize(points, self.directions, self.bits, dr.detach(radiance).numpy())
+        local = linearize(points, self.quadrature, self.bits, dr.detach(radiance).numpy())
         _, diffuse, specular, _ = self.normals(state["vertices"], state["perturbation"])
         backward(*(dr.detach(m) for m in maps), *local.shade(diffuse, specular))
         return {name: dr.grad(value).numpy().astype(np.float64) for name, value in state.items()}
@@ -236,10 +243,12 @@ def albedo_beside_mitsuba(
     mesh = Mesh(vertices, triangles)
     hits = mesh.camera_hits(camera)
     position, normal, geometric = surface(camera, hits, mesh.vertices, mesh.normals, mesh.triangles)
-    points = Points(position, normal, normal, geometric, dr.full(mi.Float, 0.3, dr.width(normal)))
+    points = ShadingPoints(
+        position, normal, normal, geometric, dr.full(mi.Float, 0.3, dr.width(normal))
+    )
     cells = grid_cells(72, 144)
-    bits = visibility(mesh.scene, points, Directions(cells))
-    e, _ = shade(points, Directions(cells), bits, cells.average(environment))
+    bits = visibility(mesh.scene, points, Quadrature(cells))
+    e, _ = shade(points, Quadrature(cells), bits, cells.average(environment))
     ours = np.zeros(camera.width * camera.height)
     ours[hits.pixel.numpy()] = e.numpy()
     ours = ours.reshape(camera.height, camera.width)

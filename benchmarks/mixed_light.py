@@ -36,7 +36,6 @@ from unlit.optimize.run_record import RunRecord
 from unlit.photo.photo import Photo
 from unlit.pipeline.chain import Steps, run_chain
 from unlit.pipeline.observe import observe
-from unlit.render.relighter import Relighter
 from unlit.scene.light import RASTER, disc, latlong_solid_angles
 from unlit.settings.settings import PRESETS
 from unlit.storage.pictures import read_picture
@@ -81,27 +80,22 @@ def photograph(subject: Known, environment: np.ndarray) -> np.ndarray:
 Way = tuple[np.ndarray, dict[str, np.ndarray]]  # albedo; the face by white light
 
 
-def solved(photo: FacePhoto, head: FittedHead) -> Reconstruction:
-    """The stages on what is known, under light that is taken for white."""
+def reconstructed(photo: FacePhoto, head: FittedHead) -> Reconstruction:
     steps = Steps(lambda _: photo, lambda *_: head, lambda *_: Conditions())
     return run_chain(steps, SETTINGS, RunRecord(lambda *_: None))
 
 
-def by_white_light(result: Reconstruction) -> dict[str, np.ndarray]:
-    relighter = Relighter(result.face)
-    return {x: relighter(e) for x, e in WHITE.items()}
-
-
 def one_light(photo: FacePhoto, head: FittedHead) -> tuple[Way, Reconstruction]:
-    result = solved(photo, head)
-    return (result.face.maps.diffuse_albedo, by_white_light(result)), result
+    made = reconstructed(photo, head)
+    relit = {x: unlit.relight(made, e) for x, e in WHITE.items()}
+    return (made.face.maps.diffuse_albedo, relit), made
 
 
 def light_of_each_channel(photo: FacePhoto, head: FittedHead) -> Way:
     faces = []
     for channel in range(3):
         grey = np.repeat(photo.image[..., channel : channel + 1], 3, axis=2)
-        faces.append(solved(replace(photo, image=grey), head))
+        faces.append(reconstructed(replace(photo, image=grey), head))
     area = latlong_solid_angles(*RASTER)
     flux = np.array([(face.light.rasterize() * area).sum() for face in faces])
     gains = flux / flux.mean()
@@ -109,8 +103,7 @@ def light_of_each_channel(photo: FacePhoto, head: FittedHead) -> Way:
     def together(images: list[np.ndarray]) -> np.ndarray:
         return np.stack([x[..., 0] * g for x, g in zip(images, gains, strict=True)], axis=2)
 
-    by_white = [by_white_light(face) for face in faces]
-    relit = {x: together([images[x] for images in by_white]) for x in WHITE}
+    relit = {x: together([unlit.relight(face, e) for face in faces]) for x, e in WHITE.items()}
     return together([face.face.maps.diffuse_albedo for face in faces]), relit
 
 
@@ -134,14 +127,13 @@ def rows(name: str, subject: Known) -> list[tuple[str, ...]]:
     found = []
     for label, make in lights().items():
         image = photograph(subject, make())
-        source = Photo.of(image.astype(np.float32), name)
-        seen = observe(source, SIZE, camera=subject.camera)
-        head = FittedHead.of_mesh(*subject.mesh(), seen.landmarks)
-        white, face = one_light(seen, head)
-        mask = truth.seen & (face.face.mask > 0.5) & (seen.regions.eyes < 0.3)
+        photo = observe(Photo.of(image.astype(np.float32), name), SIZE, camera=subject.camera)
+        head = FittedHead.of_mesh(*subject.mesh(), photo.landmarks)
+        white, face = one_light(photo, head)
+        mask = truth.seen & (face.face.mask > 0.5) & (photo.regions.eyes < 0.3)
         ways = {
             "one white light": white,
-            "one for each channel": light_of_each_channel(seen, head),
+            "one for each channel": light_of_each_channel(photo, head),
         }
         for way, (albedo, relit) in ways.items():
             (one, three), after_three = figures(albedo, truth.diffuse_albedo, mask)

@@ -30,10 +30,10 @@ import drjit as dr
 
 from unlit.head.sources.library import default_model
 from unlit.machine.runtime import mitsuba
-from unlit.render.bounce import Bounce
+from unlit.render.interreflection import Interreflection
 from unlit.render.reference import path_trace
 from unlit.render.relighter import composed
-from unlit.render.transport import Directions, Points, shade, visibility
+from unlit.render.transport import Quadrature, ShadingPoints, shade, visibility
 from unlit.scene.cells import grid_cells, refine
 from unlit.scene.light import (
     GRID,
@@ -46,7 +46,7 @@ from unlit.scene.light import (
     uniform,
 )
 from unlit.scene.maps import Maps
-from unlit.scene.mesh import Hits, Mesh, surface
+from unlit.scene.mesh import CameraHits, Mesh, surface
 
 mi = mitsuba()
 
@@ -83,7 +83,7 @@ class Head:
     def __init__(self, size: int) -> None:
         vertices, triangles, self.camera, self.maps = portrait(size)
         self.mesh = Mesh(vertices, triangles)
-        self.hits: Hits = self.mesh.camera_hits(self.camera)
+        self.hits: CameraHits = self.mesh.camera_hits(self.camera)
         self.pixel = self.hits.pixel.numpy().astype(np.int64)
         position, normal, geometric = surface(
             self.camera, self.hits, self.mesh.vertices, self.mesh.normals, self.mesh.triangles
@@ -93,7 +93,7 @@ class Head:
             rows = np.ascontiguousarray(image.reshape(-1, 3)[self.pixel].T)
             return dr.normalize(normal + mi.Vector3f(rows))
 
-        self.points = Points(
+        self.points = ShadingPoints(
             position,
             bent(self.maps.diffuse_perturbation()),
             bent(self.maps.perturbation),
@@ -111,11 +111,13 @@ class Head:
 
     def render(self, maps: Maps, environment: np.ndarray, bounces: int) -> np.ndarray:
         cells = refine(grid_cells(), environment)
-        directions, radiance = Directions(cells), cells.average(environment)
-        bits = visibility(self.mesh.scene, self.points, directions)
-        e, s = shade(self.points, directions, bits, radiance)
-        bounce = Bounce(self.mesh, self.camera, self.hits, maps.roughness, bounces)
-        more_e, more_s = bounce.under(directions).shade(radiance, maps)
+        quadrature, radiance = Quadrature(cells), cells.average(environment)
+        bits = visibility(self.mesh.scene, self.points, quadrature)
+        e, s = shade(self.points, quadrature, bits, radiance)
+        interreflection = Interreflection(
+            self.mesh, self.camera, self.hits, maps.roughness, bounces
+        )
+        more_e, more_s = interreflection.under(quadrature).shade(radiance, maps)
         return composed(maps, self.pixel, e.numpy()[:, None] + more_e, s.numpy()[:, None] + more_s)
 
 

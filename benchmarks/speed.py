@@ -33,7 +33,7 @@ from unlit.optimize.problem import Problem
 from unlit.optimize.stages import run_stages
 from unlit.render.reference import mesh_body
 from unlit.render.relighter import composed
-from unlit.render.transport import Directions, Points, shade, visibility
+from unlit.render.transport import Quadrature, ShadingPoints, shade, visibility
 from unlit.scene.arrays import device
 from unlit.scene.camera import Camera
 from unlit.scene.cells import grid_cells
@@ -46,7 +46,7 @@ from unlit.settings.table1 import TABLE_1
 mi = mitsuba()
 
 
-def observation(
+def observed(
     vertices: np.ndarray, triangles: np.ndarray, camera: Camera, maps: Maps
 ) -> Observation:
     """The head's own rendering as the photo, every seen pixel of the face as skin."""
@@ -54,15 +54,17 @@ def observation(
     hits = mesh.camera_hits(camera)
     position, normal, geometric = surface(camera, hits, mesh.vertices, mesh.normals, mesh.triangles)
     pixel = hits.pixel.numpy().astype(np.int64)
-    points = Points(position, normal, normal, geometric, mi.Float(maps.roughness.ravel()[pixel]))
+    points = ShadingPoints(
+        position, normal, normal, geometric, mi.Float(maps.roughness.ravel()[pixel])
+    )
     cells = grid_cells()
     axis = np.array([[0.7, 0.3, 0.65], [-0.5, 0.2, 0.8]], np.float32)
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     light = SphericalGaussians(axis, np.array([15, 3], "f4"), np.array([3.0, 0.6], "f4"))
-    directions = Directions(cells)
-    bits = visibility(mesh.scene, points, directions)
+    quadrature = Quadrature(cells)
+    bits = visibility(mesh.scene, points, quadrature)
     radiance = cells.average(light.rasterize())
-    e, s = (x.numpy()[:, None] for x in shade(points, directions, bits, radiance))
+    e, s = (x.numpy()[:, None] for x in shade(points, quadrature, bits, radiance))
     image = composed(maps, pixel, e, s)
     model = default_model()
     marks = model.landmarks(vertices)
@@ -112,7 +114,7 @@ def stages(
     def after(stage: str, *_: Any) -> None:
         ends[stage] = time.perf_counter()
 
-    problem = Problem(observation(*head), settings, AlbedoGain(), progress)
+    problem = Problem(observed(*head), settings, AlbedoGain(), progress)
     begin, rows = time.perf_counter(), {"pixels": len(problem)}
     with threadpool_limits(1, user_api="blas"):
         run_stages(problem, after)

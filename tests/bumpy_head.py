@@ -15,10 +15,10 @@ from scipy import ndimage
 from scipy.spatial import ConvexHull
 
 from unlit.machine.runtime import mitsuba
-from unlit.render.transport import Points
+from unlit.render.transport import ShadingPoints
 from unlit.scene.camera import Camera
 from unlit.scene.maps import Maps
-from unlit.scene.mesh import Hits, Mesh, surface
+from unlit.scene.mesh import CameraHits, Mesh, surface
 
 mi = mitsuba()
 
@@ -99,8 +99,8 @@ class View:
     mesh: Mesh
     camera: Camera
     maps: Maps
-    hits: Hits
-    points: Points
+    hits: CameraHits
+    points: ShadingPoints
     pixel: np.ndarray
 
     def image(self, values: Any) -> np.ndarray:
@@ -127,7 +127,7 @@ def view(vertices: np.ndarray, triangles: np.ndarray, camera: Camera, maps: Maps
         rows = image.reshape(-1, 3)[pixel].T
         return dr.normalize(normal + mi.Vector3f(np.ascontiguousarray(rows)))
 
-    points = Points(
+    points = ShadingPoints(
         position,
         bent(maps.diffuse_perturbation()),
         bent(maps.perturbation),

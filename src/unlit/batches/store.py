@@ -4,7 +4,7 @@
     DIR/records/NAME.json  what is known of the photo (record.py)
     DIR/batch.csv, ...   the summary
 
-Here a result is put in place by output/folder.py. Elsewhere it is first written to a folder of
+Here a result is put in place by storage/folder.py. Elsewhere it is first written to a folder of
 this machine, then copied; `MARK`, without which a folder is no result, is removed first and copied
 last, and each file appears whole, which object stores promise.
 """

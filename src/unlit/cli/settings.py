@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from ..errors import SettingsError
-from ..machine import cost as footprint
+from ..machine import cost
 from ..settings.conditions import CastShadowMode
 from ..settings.settings import PRESETS, Settings, override
 
@@ -113,7 +113,7 @@ def settings_of(options: argparse.Namespace) -> Settings:
         file = Path(settings.head_model).expanduser().resolve()
         settings = replace(settings, head_model=str(file))
     if options.memory is not None:
-        footprint.check_memory(options.memory, settings.resolution)
+        cost.check_memory(options.memory, settings.resolution)
     return settings
 
 
@@ -141,12 +141,12 @@ def _assignment(text: str) -> tuple[str, str]:
 
 
 def _gigabytes(resolution: int) -> str:
-    return f"{footprint.memory(resolution) / 1e9:.1f} GB"
+    return f"{cost.memory(resolution) / 1e9:.1f} GB"
 
 
 def _memory(text: str) -> float:
     try:
-        return footprint.read_size(text)
+        return cost.read_size(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"{text!r}: write a size as 4GB or 900MB") from error
 

@@ -3,7 +3,7 @@
 In the stages nothing but the head itself blocks the light, so such a shadow would be painted into
 the albedo, and bend the light on the way. A short stage 1, in which all skin has one colour, cannot
 explain it. What is left over is a large part of the skin, much darker than the model, that begins
-at the face's outline, beyond which the thing is that casts it. There the photo is no evidence, and
+at the face's outline, beyond which the thing is that casts it. There the photo gets no weight, and
 the stages fill the maps in. What is dark otherwise stays skin: moles, birthmarks and folds do not
 reach the outline, beards lie below the nose, freckles are small.
 """
@@ -22,7 +22,7 @@ from ..optimize.observation import Observation
 from ..scene.camera import Camera
 from ..settings.conditions import CastShadow
 from ..settings.settings import Settings
-from .first_stage import FirstLook, first_look
+from .first_stage import ShortStage1, short_stage1
 
 #: Side at which shadows are looked for; the settings' lengths are pixels of it.
 _SIZE = 256
@@ -33,7 +33,7 @@ _WHITE = float(decode_srgb(np.float32(UNCLIPPED[1])))
 def cast_shadow(
     observation: Observation, above: np.ndarray, settings: Settings
 ) -> np.ndarray | None:
-    """Where the photo is evidence: (S, S) float32 in [0, 1], 0 in a shadow.
+    """Visibility of the light that the head itself leaves: (S, S) float32 in [0, 1], 0 in a shadow.
 
     above: (S, S) bool, what lies above the base of the nose. None where there is no shadow, or the
     head and the mask do not overlap.
@@ -45,24 +45,25 @@ def cast_shadow(
     for _ in range(2):  # again with a light that the shadow has not bent
         weight = np.where(shadow, 0, small.weight).astype(np.float32)
         try:
-            look = first_look(replace(small, weight=weight), replace(settings, bounces=0))
+            stage1 = short_stage1(replace(small, weight=weight), replace(settings, bounces=0))
         except ValueError:
             return None
-        shadow = shadowed(small, look, above, settings.cast_shadow)
+        shadow = shadowed(small, stage1, above, settings.cast_shadow)
         if not shadow.any():
             return None
     return 1 - cv2.resize(_grown(shadow, 1).astype(np.float32), (size, size))
 
 
 def attenuation(
-    image: np.ndarray, render: np.ndarray, lit: np.ndarray, settings: CastShadow
+    image: np.ndarray, render: np.ndarray, visibility: np.ndarray, settings: CastShadow
 ) -> np.ndarray:
-    """What the shadow leaves of the light: (S, S, 3) float32, at most 1, and 1 where `lit` is.
+    """What the shadow leaves of the light: (S, S, 3) float32, in [0, 1], 1 where `visibility` is.
 
-    The photo over the render without the shadow, smooth: shading has it, as albedo has it not.
+    `image` over `render` without the shadow, both (S, S, 3) linear, smooth: shading has it, as
+    albedo has it not.
     """
-    reach = settings.soft * len(lit) / _SIZE
-    shadow = ((1 - lit) * (render > 0).any(axis=2))[..., None]
+    reach = settings.soft * len(visibility) / _SIZE
+    shadow = ((1 - visibility) * (render > 0).any(axis=2))[..., None]
     least = settings.least_seen
     ratio = np.log(np.maximum(image, least) / np.maximum(render, least))
 
@@ -96,20 +97,20 @@ def _reduced(observation: Observation) -> Observation:
 
 
 def shadowed(
-    observation: Observation, look: FirstLook, above: np.ndarray, settings: CastShadow
+    observation: Observation, stage1: ShortStage1, above: np.ndarray, settings: CastShadow
 ) -> np.ndarray:
     """(H, W) bool: the skin in the shadow of something else, given what stage 1 makes of it."""
     # A photo is no brighter than white, whatever the model would have.
     photo, model = (
-        np.clip(x, 0, _WHITE) + settings.black for x in (observation.image, look.render)
+        np.clip(x, 0, _WHITE) + settings.black for x in (observation.image, stage1.render)
     )
     ratio = np.log(photo / model).mean(axis=2)
-    ratio = np.where(look.seen, ratio, 0).astype(np.float32)
+    ratio = np.where(stage1.covered, ratio, 0).astype(np.float32)
     ratio = cv2.medianBlur(ratio, 2 * settings.smooth + 1)
     features = observation.regions[..., 1:4].sum(axis=2)  # lips, eyes, eyebrows
-    skin = look.seen & (features < 0.5) & (look.diffuse_shading > settings.least_shading)
+    skin = stage1.covered & (features < 0.5) & (stage1.diffuse_shading > settings.least_shading)
     plain = skin & ~_grown(features > 0.1, settings.features)
-    whole: Any = ndimage.binary_fill_holes(look.seen)
+    whole: Any = ndimage.binary_fill_holes(stage1.covered)
     rim = _grown(~whole, settings.rim + 1)
     dark = (plain & (ratio < settings.dark)).astype(np.uint8)
     core = cv2.morphologyEx(dark, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
@@ -118,7 +119,7 @@ def shadowed(
     for label in range(1, count):
         part = labels == label
         border = _grown(part, 1) & ~part
-        large = part.sum() > settings.least * look.seen.sum()
+        large = part.sum() > settings.least * stage1.covered.sum()
         if large and rim[border].mean() > settings.along and above[part].mean() > settings.above:
             found |= part
     # Between its parts it lies beside eyes and brows, too.
@@ -127,7 +128,7 @@ def shadowed(
         np.ones((2 * settings.bridged + 1,) * 2, np.uint8),
     )
     found |= skin & (ratio < settings.dim) & (near > 0)
-    return found if found.sum() <= settings.most * look.seen.sum() else np.zeros_like(found)
+    return found if found.sum() <= settings.most * stage1.covered.sum() else np.zeros_like(found)
 
 
 def _grown(mask: np.ndarray, reach: int) -> np.ndarray:

@@ -39,8 +39,8 @@ def _light_color(
     asked, found = settings.light_color, None
     if asked.card is not None:
         color = illuminant.of_card(source, asked.card)
-    elif (told := illuminant.told(asked)) is not None:
-        color = told
+    elif (stated := illuminant.stated(asked)) is not None:
+        color = stated
     else:
         color, found = estimated_color(observation(photo, head, Conditions()), settings)
     face = photo.image[photo.regions.face > 0.5]

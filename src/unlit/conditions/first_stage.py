@@ -23,20 +23,20 @@ from ..settings.settings import Settings
 
 
 @dataclass(frozen=True)
-class FirstLook:
+class ShortStage1:
     """Images (H, W), 0 where the head and the mask do not both cover a pixel.
 
     diffuse_shading, specular_shading: E and S, mean of the channels; the best-lit skin has E = 1.
-    render: (H, W, 3) linear, under white light. seen: bool, where there is any of it.
+    render: (H, W, 3) linear sRGB, under white light. covered: bool, where head and mask both are.
     """
 
     diffuse_shading: np.ndarray
     specular_shading: np.ndarray
     render: np.ndarray
-    seen: np.ndarray
+    covered: np.ndarray
 
 
-def first_look(observation: Observation, settings: Settings) -> FirstLook:
+def short_stage1(observation: Observation, settings: Settings) -> ShortStage1:
     """Stage 1 cut short. Raises ValueError when the mesh and the mask do not overlap."""
     stage = replace(settings.stage1, iterations=settings.first_stage_iterations)
     short = replace(settings, stage1=stage)
@@ -51,7 +51,5 @@ def first_look(observation: Observation, settings: Settings) -> FirstLook:
     maps = problem.maps(estimate)
     shading.update(radiance, maps)
     e, s = (problem.image(part, "zero") for part in shading.shade(radiance))
-    seen = np.zeros(observation.mask.shape, dtype=bool)
-    seen.ravel()[problem.pixel] = True
     render = maps.diffuse_albedo * e + maps.specular_albedo[..., None] * s
-    return FirstLook(e.mean(axis=2), s.mean(axis=2), render, seen)
+    return ShortStage1(e.mean(axis=2), s.mean(axis=2), render, problem.inside)

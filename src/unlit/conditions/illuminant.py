@@ -25,7 +25,7 @@ _CARD = 0.01
 _READABLE = (0.02, 0.99)
 
 
-def told(request: LightColorRequest) -> np.ndarray | None:
+def stated(request: LightColorRequest) -> np.ndarray | None:
     """The colour that is said outright; None where a card or an estimate is to tell it."""
     if request.kelvin is not None:
         return of_temperature(request.kelvin)

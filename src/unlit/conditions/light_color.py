@@ -25,7 +25,7 @@ from ..face.conditions import LightEstimate
 from ..optimize.observation import Observation
 from ..settings.conditions import HIGHEST, LOWEST, LightColorEstimate
 from ..settings.settings import Settings
-from .first_stage import first_look
+from .first_stage import short_stage1
 from .illuminant import of_temperature
 
 # Side of the crop that the settings' lengths are for, pixels.
@@ -46,12 +46,12 @@ class Slopes:
 def estimated_color(
     observation: Observation, settings: Settings
 ) -> tuple[np.ndarray, LightEstimate]:
-    """The light's colour (3,): white where the evidence does not tell it from white."""
+    """The light's colour (3,), linear sRGB: white where it cannot be told from white."""
     try:
-        look = first_look(observation, settings)
+        stage1 = short_stage1(observation, settings)
     except ValueError:  # the head and the mask do not overlap: `solve` says so
         return WHITE.copy(), LightEstimate(used=False)
-    how, e, s = settings.light_color_estimate, look.diffuse_shading, look.specular_shading
+    how, e, s = settings.light_color_estimate, stage1.diffuse_shading, stage1.specular_shading
     where = _plain_skin(observation, how.margin) & (e > how.least_shading)
     found = slopes(observation.image, e, s, where, how)
     if found is None:

@@ -14,7 +14,8 @@ class LightEstimate:
     """What an estimate of the light's colour says of itself.
 
     used: whether it was taken. kelvin: the likeliest temperature; low, high: one deviation about
-    it; excess: squared deviations by which white is less likely. None where nothing was found.
+    it, kelvin too; excess: squared deviations by which white is less likely. None where nothing was
+    found.
     """
 
     used: bool
@@ -26,7 +27,7 @@ class LightEstimate:
 
 @dataclass(frozen=True)
 class Conditions:
-    """light_color: (3,) float32 linear sRGB. light_estimate: None where it was not estimated.
+    """light_color: (3,) float32 linear sRGB, > 0. light_estimate: None where it was not estimated.
 
     visibility: (S, S) float32 in [0, 1], 0 where something else than the head casts a shadow on
     it; None without such a shadow.

@@ -37,7 +37,7 @@ class Normals:
 
 @dataclass(frozen=True)
 class Face:
-    """A relightable face. Its maps have one texel per pixel of `camera`, S x S.
+    """A relightable face. Its maps and normals have one texel per pixel of `camera`, S x S.
 
     mask: (S, S) float32 in [0, 1], where the maps are measured, not filled in.
     """

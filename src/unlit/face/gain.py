@@ -25,7 +25,7 @@ CONVENTION = 0.7
 _PATCH = 0.01
 
 
-def check_unit(known: KnownExposure, white_luminance: float | None) -> None:
+def check_exposure(known: KnownExposure, white_luminance: float | None) -> None:
     """Raise SettingsError where lux are given and the photo tells no luminance."""
     if known.lux is not None and white_luminance is None:
         raise SettingsError(
@@ -34,7 +34,7 @@ def check_unit(known: KnownExposure, white_luminance: float | None) -> None:
         )
 
 
-def full_light(e: np.ndarray) -> float:
+def peak_luminance(e: np.ndarray) -> float:
     """Luminance, in the photo's linear values, of a white card where the face is lit best.
 
     e: (..., 3) diffuse shading in the light's colour. The 99th percentile, as in the convention.
@@ -42,7 +42,7 @@ def full_light(e: np.ndarray) -> float:
     return float(np.percentile(luminance(e), 99))
 
 
-def within_one(albedo: np.ndarray) -> float:
+def largest_gain(albedo: np.ndarray) -> float:
     """The gain up to which albedo (N, 3) stays within 1: no skin returns more light.
 
     By the 99.9th percentile of its largest channel: files of 8 bits hold no more than 1 either.
@@ -70,7 +70,7 @@ class AlbedoGain:
         self.known = known or _NOTHING
         if photo is None or conditions is None:
             return
-        check_unit(self.known, photo.white_luminance)
+        check_exposure(self.known, photo.white_luminance)
         self._photo, self._conditions = photo, conditions
 
     def patch(self, inside: np.ndarray) -> np.ndarray:
@@ -104,17 +104,17 @@ class AlbedoGain:
         there are maps.
         """
         if self.known == _NOTHING:
-            return min(CONVENTION, within_one(albedo[inside]))
+            return min(CONVENTION, largest_gain(albedo[inside]))
         full = float(luminance(self._conditions.light_color))
         gain = self._of(albedo, full, inside)
         # A measured illuminance may be wrong by any factor.
-        return gain if self.known.lux is None else min(gain, within_one(albedo[inside]))
+        return gain if self.known.lux is None else min(gain, largest_gain(albedo[inside]))
 
     def of_result(self, albedo: np.ndarray, e: np.ndarray, inside: np.ndarray) -> float:
         """The result's gain; e: (S, S, 3) its exact diffuse shading under white light."""
         if self.known == _NOTHING:
             return self.during_stages(albedo, inside)
-        full = full_light(e[inside] * self._conditions.light_color)
+        full = peak_luminance(e[inside] * self._conditions.light_color)
         return self._of(albedo, full, inside)
 
     def _of(self, albedo: np.ndarray, full: float, inside: np.ndarray) -> float:

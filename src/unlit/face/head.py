@@ -14,10 +14,10 @@ from .face import PosedMesh
 class FittedHead:
     """A head before the stages, to which stage 3 holds the mesh (paper, section 3.3).
 
-    landmarks: (L, 2) float32, as detected, without the landmarker's mean error, pixels of the
-    crop. landmark_points: the same points on the mesh. landmark_residual: mean distance between
-    both, in eye distances, and model: name and licence of the head model; None for a mesh that
-    was not fitted.
+    mesh: world frame, cm. landmarks: (L, 2) float32, as detected, without the landmarker's mean
+    error, pixels of the crop. landmark_points: the same points on the mesh. landmark_residual: mean
+    distance between both, in eye distances, and model: name and licence of the head model; None for
+    a mesh that was not fitted.
     """
 
     mesh: PosedMesh

@@ -15,9 +15,9 @@ from ..scene.camera import Camera
 class FacePhoto:
     """A face in a photo, S x S pixels.
 
-    name: the photo's file name. image: (S, S, 3) float32 linear sRGB. camera: the crop's pinhole
-    camera; crop: where the crop lies in the photo. regions: soft masks of skin, lips, eyes,
-    eyebrows, mouth and background. landmarks: (L, 2) float32, pixels of the crop.
+    name: the photo's file name. image: (S, S, 3) float32 linear sRGB, >= 0. camera: the crop's
+    pinhole camera; crop: where the crop lies in the photo. regions: soft masks in [0, 1] of skin,
+    lips, eyes, eyebrows, mouth and background. landmarks: (L, 2) float32, pixels of the crop.
     white_luminance: cd/m^2 of the linear value 1; None where the photo does not tell it.
     """
 

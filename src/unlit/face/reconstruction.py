@@ -16,7 +16,7 @@ from .photo import FacePhoto
 
 @dataclass(frozen=True)
 class Images:
-    """What the face looks like in the photo's light, (S, S, 3) float32 linear sRGB.
+    """What the face looks like in the photo's light, (S, S, 3) float32 linear sRGB, >= 0.
 
     diffuse_shading, specular_shading: irradiance over pi, and the unit lobe's reflection; times
     the albedos they give `render`. The shadow of something else is in all three.
@@ -31,7 +31,7 @@ class Images:
 class Metrics:
     """How a run went.
 
-    losses: (iteration, loss) pairs by stage. seconds: by step. peak_memory_mb: of the process.
+    losses: (iteration, loss) pairs by stage. seconds: by step. peak_memory_mb: of the process, MB.
     warnings: one sentence each. continued_from_stage: the first stage that was run again.
     """
 
@@ -49,7 +49,7 @@ class Reconstruction:
     photo: what the photo shows. head: what the stages started from. face: what belongs to the
     person. light: 648 spherical Gaussians and their colour; conditions: what else belongs to the
     moment. images: both together. gain: what albedo was multiplied with, and light divided by,
-    after the stages (setting `exposure`).
+    after the stages (setting `exposure`); above 0.
     """
 
     photo: FacePhoto

@@ -63,7 +63,7 @@ def _cast_shadow(share: float) -> str:
     return (
         f"Cast shadow: {share:.0%} of the face seems to lie in the shadow of something else (hair, "
         "a hat, a hand). There the maps are filled in from around; if it is the skin itself that "
-        "is dark, set cast_shadows to keep."
+        "is dark, set cast_shadow.mode to keep."
     )
 
 

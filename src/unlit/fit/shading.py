@@ -25,10 +25,10 @@ from scipy import ndimage
 
 from ..machine.runtime import mitsuba
 from ..perception.regions import Regions
-from ..render.transport import Directions, Points, linearize, transport_rows, visibility
+from ..render.transport import Quadrature, ShadingPoints, linearize, transport_rows, visibility
 from ..scene.arrays import device
 from ..scene.cells import grid_cells
-from ..scene.mesh import Hits, Mesh, surface, surface_weights
+from ..scene.mesh import CameraHits, Mesh, surface, surface_weights
 from ..settings.fit import ShadingFit
 from ..settings.settings import ROUGHNESS
 from .landmarks import HeadFit, LandmarkProblem, State, bounded_solve
@@ -74,7 +74,7 @@ class _Sample:
     weights: np.ndarray
     position: np.ndarray
     normals: np.ndarray
-    points: Points
+    points: ShadingPoints
     scene: Any
 
 
@@ -194,7 +194,7 @@ class _Photometric:
         count = min(self.settings.samples, len(seen))
         seen = seen[np.linspace(0, len(seen) - 1, count).astype(np.int64)]
         pixel, triangle = pixel[seen], triangle[seen]
-        hits = Hits(device(mi.UInt32, pixel), device(mi.UInt32, triangle))
+        hits = CameraHits(device(mi.UInt32, pixel), device(mi.UInt32, triangle))
         position, n, geometric = surface(camera, hits, mesh.vertices, mesh.normals, mesh.triangles)
         roughness = dr.full(mi.Float, ROUGHNESS["skin"], count)
         dr.eval(position, n, geometric)
@@ -207,7 +207,7 @@ class _Photometric:
             weights.numpy().T,
             position.numpy().T,
             normals.reshape(camera.height, camera.width, 3),
-            Points(position, n, n, geometric, roughness),
+            ShadingPoints(position, n, n, geometric, roughness),
             mesh.scene,
         )
 
@@ -283,10 +283,10 @@ class _System:
 
     def __init__(self, owner: _Photometric, sample: _Sample) -> None:
         self.settings, self.sample, self.cells = owner.settings, sample, owner.cells
-        directions = Directions(owner.cells)
-        bits = visibility(sample.scene, sample.points, directions)
-        self.quadrature = (directions, bits)
-        diffuse, specular = transport_rows(sample.points, directions, bits)
+        quadrature = Quadrature(owner.cells)
+        bits = visibility(sample.scene, sample.points, quadrature)
+        self.quadrature = (quadrature, bits)
+        diffuse, specular = transport_rows(sample.points, quadrature, bits)
         # Where the face hides the light it sends its own: one more source, the same everywhere.
         hidden = np.maximum(1 - diffuse.sum(axis=1, keepdims=True), 0)
         self.diffuse = np.concatenate([diffuse, hidden], axis=1)

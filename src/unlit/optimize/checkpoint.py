@@ -19,7 +19,7 @@ import numpy as np
 from ..errors import OutputError
 from ..machine.runtime import mitsuba
 from ..scene.arrays import device
-from ..scene.cells import Cells
+from ..scene.cells import SphereCells
 from ..settings.settings import Settings, as_dict, flat
 from ..settings.table1 import TABLE_1
 from ..storage.arrays import Kind, check_indices, read_checked
@@ -106,7 +106,7 @@ class Checkpoint:
         found, _ = read_checked(self.path, _KINDS, sizes, remedy=_REMEDY)
         triangle = found.pop("triangle")
         check_indices(self.path, "triangle", triangle, len(problem.observation.triangles))
-        cells = Cells(found.pop("cell_theta"), found.pop("cell_phi"))
+        cells = SphereCells(found.pop("cell_theta"), found.pop("cell_phi"))
         names = ("diffuse_normal", "specular_normal")
         diffuse, specular = (device(mi.Vector3f, found.pop(name)) for name in names)
         estimate = Estimate.of(found)

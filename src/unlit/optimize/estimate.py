@@ -19,9 +19,10 @@ mi = mitsuba()
 class Estimate:
     """The current answer. Maps live on the P pixels of the problem; Dr.Jit arrays, detached.
 
-    vertices: mi.Point3f (V). log_diffuse: mi.Color3f (P). log_specular: mi.Float (P).
-    perturbation: mi.Vector3f (P), world frame. axis: mi.Vector3f (K), log_sharpness and
-    log_amplitude: mi.Float (K).
+    vertices: mi.Point3f (V), world frame, cm. log_diffuse: mi.Color3f (P), ln of linear albedo.
+    log_specular: mi.Float (P). perturbation: mi.Vector3f (P), world frame, no unit. axis:
+    mi.Vector3f (K), near unit length, to the light; log_sharpness and log_amplitude: mi.Float (K),
+    ln lambda and ln mu (radiance in the photo's linear values). Logarithms are natural.
     """
 
     vertices: Any

@@ -17,10 +17,11 @@ from ..scene.surface_points import SurfacePoints
 class Observation:
     """What is known before the stages, as NumPy arrays.
 
-    image: (H, W, 3) linear sRGB, as under white light. regions: (H, W, 4) soft masks of skin,
-    lips, eyes, eyebrows. mask: (H, W) bool, the pixels that get maps. weight: (H, W) trust in the
-    photo there, 0 to 1. vertices: (V, 3) fitted mesh, world, cm; triangles: (F, 3). landmarks:
-    (L, 2) detected points, pixels; landmark_points: the same points on the mesh.
+    image: (H, W, 3) float32 linear sRGB, as under white light. regions: (H, W, 4) soft masks in
+    [0, 1] of skin, lips, eyes, eyebrows. mask: (H, W) bool, the pixels that get maps. weight:
+    (H, W) in [0, 1], how far the photo counts there. camera: H x W pixels. vertices: (V, 3) float32
+    fitted mesh, world frame, cm; triangles: (F, 3) int32. landmarks: (L, 2) detected points, pixels
+    of the image; landmark_points: the same points on the mesh.
     """
 
     image: np.ndarray

@@ -11,10 +11,10 @@ import numpy as np
 from ..color import encode_srgb
 from ..face.gain import AlbedoGain
 from ..machine.runtime import mitsuba
-from ..render.transport import Points
+from ..render.transport import ShadingPoints
 from ..scene.arrays import device
 from ..scene.maps import Maps, fill
-from ..scene.mesh import Hits, Mesh, surface
+from ..scene.mesh import CameraHits, Mesh, surface
 from ..settings.settings import Settings
 from .estimate import Estimate
 from .losses import Neighbours, censored
@@ -33,6 +33,9 @@ class Problem:
     """The observation on the P pixels that both the mask and the fitted mesh cover.
 
     gain: that of albedo, for inter-reflection. report: called with every loss that is read.
+    As attributes: hits: what the P pixels see now; pixel: (P,) int64, row-major. target:
+    mi.Color3f, the sRGB-encoded photo, censored; weight: mi.Float >= 0, sum 1; roughness: mi.Float,
+    Beckmann alpha; all of width P. regions: (P, 4) float32, sum 1.
 
     Raises ValueError when the mesh and the mask do not overlap, or nothing there has any weight.
     """
@@ -48,7 +51,7 @@ class Problem:
         kept = np.flatnonzero(observation.mask.ravel()[seen])
         if not len(kept):
             raise ValueError("the fitted head and the face's mask do not overlap")
-        self.hits = Hits(
+        self.hits = CameraHits(
             device(mi.UInt32, seen[kept]),
             dr.gather(mi.UInt32, hits.triangle, device(mi.UInt32, kept)),
         )
@@ -108,21 +111,21 @@ class Problem:
         triangle[hits.pixel.numpy()] = hits.triangle.numpy()
         now = triangle[self.pixel]
         now = np.where(now < 0, self.hits.triangle.numpy(), now).astype(np.uint32)
-        self.hits = Hits(self.hits.pixel, device(mi.UInt32, now))
+        self.hits = CameraHits(self.hits.pixel, device(mi.UInt32, now))
 
     def place(self, vertices: Any, triangle: np.ndarray) -> None:
         """Put the mesh where `move` left it, when the pixels saw the triangles (P,)."""
         self.mesh.set_vertices(vertices)
-        self.hits = Hits(self.hits.pixel, device(mi.UInt32, triangle))
+        self.hits = CameraHits(self.hits.pixel, device(mi.UInt32, triangle))
 
-    def points(self, diffuse_normal: Any = None, specular_normal: Any = None) -> Points:
+    def points(self, diffuse_normal: Any = None, specular_normal: Any = None) -> ShadingPoints:
         """Shading points of the P pixels on the mesh as it is, with other normals if given."""
         mesh = self.mesh
         position, normal, geometric = surface(
             self.camera, self.hits, mesh.vertices, mesh.normals, mesh.triangles
         )
         dr.eval(position, normal, geometric)
-        return Points(
+        return ShadingPoints(
             position,
             normal if diffuse_normal is None else diffuse_normal,
             normal if specular_normal is None else specular_normal,

@@ -8,10 +8,10 @@ import drjit as dr
 import numpy as np
 
 from ..machine.runtime import mitsuba
-from ..render.bounce import Bounce, Gloss
-from ..render.transport import Directions, Transport, shade, visibility
+from ..render.interreflection import Interreflection, SpecularTransfer
+from ..render.transport import Quadrature, Transport, shade, visibility
 from ..scene.arrays import device
-from ..scene.cells import Cells
+from ..scene.cells import SphereCells
 from ..scene.maps import Maps
 from .problem import Problem
 
@@ -21,29 +21,33 @@ mi = mitsuba()
 class Shading:
     """Everything that depends on the geometry and the quadrature: visibility, indirect light.
 
-    `indirect` (E, S: mi.Color3f of width P) is held constant between two calls of `update`. gloss:
-    what inter-reflection carries of the highlights; None has it computed for the next light.
+    cells: the D cells of the light. points: the P shading points. bits: mi.UInt32, visibility
+    (render/visibility.py). indirect: E and S, mi.Color3f of width P, held constant between two
+    calls of `update`. specular_transfer: what inter-reflection carries of the highlights; None has
+    it computed for the next light.
     """
 
-    def __init__(self, problem: Problem, cells: Cells, factors: Bounce | None = None) -> None:
+    def __init__(
+        self, problem: Problem, cells: SphereCells, interreflection: Interreflection | None = None
+    ) -> None:
         self.problem, self.cells = problem, cells
-        self.directions = Directions(cells)
+        self.quadrature = Quadrature(cells)
         self.points = problem.points()
-        self.bits = visibility(problem.mesh.scene, self.points, self.directions)
-        self.factors = factors or self._factors()
-        self.bounce = self.factors.under(self.directions)
+        self.bits = visibility(problem.mesh.scene, self.points, self.quadrature)
+        self.interreflection = interreflection or self._interreflection()
+        self.indirect_light = self.interreflection.under(self.quadrature)
         self.indirect: tuple[Any, Any] = (mi.Color3f(0), mi.Color3f(0))
-        self.gloss: Gloss | None = None
+        self.specular_transfer: SpecularTransfer | None = None
 
-    def _factors(self) -> Bounce:
+    def _interreflection(self) -> Interreflection:
         problem = self.problem
         roughness = problem.image(problem.roughness)
         bounces = problem.settings.bounces
-        return Bounce(problem.mesh, problem.camera, problem.hits, roughness, bounces)
+        return Interreflection(problem.mesh, problem.camera, problem.hits, roughness, bounces)
 
-    def under(self, cells: Cells) -> Shading:
+    def under(self, cells: SphereCells) -> Shading:
         """The same geometry under another quadrature: form factors do not depend on it."""
-        return Shading(self.problem, cells, self.factors)
+        return Shading(self.problem, cells, self.interreflection)
 
     def update(self, radiance: np.ndarray, maps: Maps, gain: float | None = None) -> None:
         """Bring the indirect light up to date with the light's cell means (D,) and the maps.
@@ -54,23 +58,24 @@ class Shading:
             self.problem.albedo_gain(maps.diffuse_albedo) if gain is None else gain
         )
         change = self.problem.settings.gloss_change
-        flux = self.directions.flux(radiance)
-        if self.gloss is None or self.gloss.change(flux) > change:
-            self.gloss = self.bounce.gloss(radiance)
-        e, s = self.bounce.shade(radiance, maps, self.gloss)
+        flux = self.quadrature.flux(radiance)
+        if self.specular_transfer is None or self.specular_transfer.change(flux) > change:
+            self.specular_transfer = self.indirect_light.specular_transfer(radiance)
+        e, s = self.indirect_light.shade(radiance, maps, self.specular_transfer)
         self.indirect = (device(mi.Color3f, e), device(mi.Color3f, s))
 
     def shade(self, radiance: np.ndarray) -> tuple[Any, Any]:
         """Direct plus indirect E and S, mi.Color3f of width P, with the current normals."""
-        e, s = shade(self.points, self.directions, self.bits, radiance)
+        e, s = shade(self.points, self.quadrature, self.bits, radiance)
         return mi.Color3f(e) + self.indirect[0], mi.Color3f(s) + self.indirect[1]
 
 
 class LightSample:
     """An even sample of the pixels, enough for the light's few unknowns (stages 1 to 3).
 
-    Its transport is tabulated once, so that the light's gradient is two matrix products; the
-    indirect light of `shading` is taken as it stands at each call.
+    rows: (N,) uint32, which of the P pixels; target, weight: the problem's there, the weights
+    summing to 1. Its transport is tabulated once, so that the light's gradient is two matrix
+    products; the indirect light of `shading` is taken as it stands at each call.
     """
 
     def __init__(self, problem: Problem, shading: Shading) -> None:
@@ -79,8 +84,8 @@ class LightSample:
         self.rows = np.unique(np.linspace(0, len(problem) - 1, count).astype(np.uint32))
         self.index = device(mi.UInt32, self.rows)
         points = shading.points.gather(self.index)
-        bits = visibility(problem.mesh.scene, points, shading.directions)
-        self.transport = Transport(points, shading.directions, bits)
+        bits = visibility(problem.mesh.scene, points, shading.quadrature)
+        self.transport = Transport(points, shading.quadrature, bits)
         self.target = self.of(problem.target)
         self.weight = self.of(problem.weight)
         self.weight /= dr.sum(self.weight)

@@ -53,6 +53,6 @@ def stage2(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
             dr.eval(e, s)
         radiance = radiance_of(cells, adam)
         loss = map_loss(problem, stage, adam, e, s, weight)
-        lit = light_loss(sample, shading, adam, *sample.transport.shade(radiance))
-        run.step(iteration, loss, stage.image * lit)
+        of_light = light_loss(sample, shading, adam, *sample.transport.shade(radiance))
+        run.step(iteration, loss, stage.image * of_light)
     return run.result(estimate, *names)

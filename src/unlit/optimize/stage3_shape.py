@@ -62,7 +62,7 @@ class _Linearised:
         self.corners = problem.mesh.hit_corners(problem.hits)
         known = radiance.numpy()
         shading.update(known, maps)
-        self.local = linearize(shading.points, shading.directions, shading.bits, known)
+        self.local = linearize(shading.points, shading.quadrature, shading.bits, known)
         self.weight = trusted(problem, self.local.diffuse + shading.indirect[0])
         e, s = sample.transport.shade(radiance)
         self.turned = (sample.of(self.local.diffuse) - e, sample.of(self.local.specular) - s)

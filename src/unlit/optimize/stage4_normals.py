@@ -46,7 +46,7 @@ def _normals_and_albedo(
             turned = (dr.detach(diffuse_normal), dr.detach(specular_normal))
             dr.eval(*turned)
             shading.points = problem.points(*turned)
-            local = linearize(shading.points, shading.directions, shading.bits, radiance)
+            local = linearize(shading.points, shading.quadrature, shading.bits, radiance)
             shading.update(radiance, problem.maps(run.result(estimate, *names)))
             weight = trusted(problem, local.diffuse + shading.indirect[0])
         e, s = local.shade(diffuse_normal, specular_normal)

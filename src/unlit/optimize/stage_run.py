@@ -81,11 +81,7 @@ class StageRun:
 
 def light_parameters(estimate: Estimate) -> dict[str, Any]:
     """The lobes' parameters, by their names in Adam."""
-    return {
-        "axis": estimate.axis,
-        "log_sharpness": estimate.log_sharpness,
-        "log_amplitude": estimate.log_amplitude,
-    }
+    return {name: getattr(estimate, name) for name in ("axis", "log_sharpness", "log_amplitude")}
 
 
 def light_rates(stage: Stage) -> dict[str, float]:
@@ -97,9 +93,9 @@ def light_rates(stage: Stage) -> dict[str, float]:
     }
 
 
-def radiance_of(cells: CellRadiance, adam: Adam) -> Any:
+def radiance_of(cell_radiance: CellRadiance, adam: Adam) -> Any:
     """Mean radiance of each cell (mi.Float, D) under the lobes as they are."""
-    return cells(
+    return cell_radiance(
         dr.normalize(adam["axis"]), dr.exp(adam["log_sharpness"]), dr.exp(adam["log_amplitude"])
     )
 
@@ -146,7 +142,7 @@ def map_loss(
 
 
 def trusted(problem: Problem, e: Any) -> Any:
-    """Weight of each pixel's evidence on the maps, sum 1: its own times (E / (E + error))^2."""
+    """Weight of each pixel in the maps' loss, sum 1: its own times (E / (E + error))^2."""
     level = dr.mean(dr.detach(e))
     weight = problem.weight * dr.square(
         level / dr.fmax(level + problem.settings.shading_error, 1e-6)

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..machine.runtime import mitsuba
 from ..scene.arrays import device
-from ..scene.cells import Cells, grid_cells, refine
+from ..scene.cells import SphereCells, grid_cells, refine
 from ..scene.light import grid_lobes
 from .estimate import Estimate
 from .problem import Problem
@@ -57,7 +57,7 @@ class Begin:
 
     done: int
     estimate: Estimate
-    cells: Cells | None = None
+    cells: SphereCells | None = None
     normals: tuple[Any, Any] = (None, None)
     losses: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
 
@@ -81,11 +81,11 @@ def run_stages(
 
     def ended(name: str, estimate: Estimate, shading: Shading) -> Estimate:
         estimate = Estimate.of(estimate.arrays())
-        shading.gloss = None
+        shading.specular_transfer = None
         after(name, estimate, shading)
         return estimate
 
-    def refined(estimate: Estimate) -> Cells:
+    def refined(estimate: Estimate) -> SphereCells:
         return refine(regular, estimate.light().rasterize(), limit=settings.max_cells)
 
     shading = Shading(problem, begin.cells or (refined(estimate) if done else regular))

@@ -16,10 +16,10 @@ from .contours import coverage, smooth_contour
 from .measures import colours, disk, face_size, smoothstep
 from .topology import LIP_GAP, LIPS_INNER, LIPS_OUTER
 
-# Mean gap over the mouth's width. Closed lips measured up to 0.016; wide open needs no evidence.
+# Mean gap over the mouth's width. Closed lips measured up to 0.016; wide open needs no such pixels.
 _GAP = (0.02, 0.04)
 _WIDE = (0.3, 0.4)
-_EVIDENCE = (0.25, 0.45)
+_UNLIKE_LIPS = (0.25, 0.45)
 _PALER = 0.05  # log R/G under the lips' 5th percentile
 _DARKER = 0.5  # log-luminance under the lips' 2nd percentile
 _MIN_PIXELS = 10
@@ -41,8 +41,8 @@ def mouth_opening(image: np.ndarray, landmarks: np.ndarray) -> float:
     image: (S, S, 3) linear sRGB. landmarks: (478, 2) pixels.
     """
     gap = relative_gap(landmarks, LIP_GAP, (LIPS_INNER[0], LIPS_INNER[10]))
-    evidence = smoothstep(_share_unlike_lips(image, landmarks), *_EVIDENCE)
-    return float(smoothstep(gap, *_GAP) * np.maximum(evidence, smoothstep(gap, *_WIDE)))
+    unlike_lips = smoothstep(_share_unlike_lips(image, landmarks), *_UNLIKE_LIPS)
+    return float(smoothstep(gap, *_GAP) * np.maximum(unlike_lips, smoothstep(gap, *_WIDE)))
 
 
 def _share_unlike_lips(image: np.ndarray, landmarks: np.ndarray) -> float:

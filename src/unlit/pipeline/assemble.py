@@ -14,7 +14,7 @@ import numpy as np
 from ..conditions.cast_shadow import attenuation
 from ..face.conditions import Conditions
 from ..face.face import Face, Normals
-from ..face.gain import full_light
+from ..face.gain import peak_luminance
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
 from ..face.reconstruction import Images, Metrics, Reconstruction
@@ -97,7 +97,7 @@ def _with_final_gain(
     # skin changes with it.
     changed = estimate.with_gain(gain)
     other, _ = _shade(problem, shading, changed, gain=1.0)
-    full = [full_light(image[problem.inside]) for image in (e, other)]
+    full = [peak_luminance(image[problem.inside]) for image in (e, other)]
     rest = float(np.log(full[0] / (gain * full[1])))
     changed = replace(changed, log_amplitude=changed.log_amplitude + rest)
     return gain, changed, *_shade(problem, shading, changed, gain=1.0)

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from ..errors import PictureError, SettingsError
-from ..scene.cells import Flux, grid_cells
+from ..scene.cells import grid_cells
 from ..scene.light import disc, flash, uniform
 from ..storage.pictures import read_picture
 
@@ -89,7 +89,7 @@ def exposed(environment: np.ndarray, source: str) -> np.ndarray:
         size = (_WIDEST, max(1, round(height * _WIDEST / width)))
         environment = cv2.resize(environment, size, interpolation=cv2.INTER_AREA)
     cells = grid_cells(36, 72)
-    radiance = Flux(environment.reshape(*environment.shape[:2], -1).mean(axis=2)).mean(cells)
+    radiance = cells.average(environment.reshape(*environment.shape[:2], -1).mean(axis=2))
     azimuth = np.arange(72) * (np.pi / 36)
     card = np.stack([np.sin(azimuth), np.zeros(72), np.cos(azimuth)], axis=1)
     brightest = float((np.maximum(card @ cells.moment.T, 0) @ radiance).max()) / np.pi

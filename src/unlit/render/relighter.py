@@ -15,13 +15,13 @@ import numpy as np
 from ..face.face import Face
 from ..machine.runtime import mitsuba
 from ..scene.arrays import device
-from ..scene.cells import Cells, Flux, even_cells, refine
+from ..scene.cells import EnvironmentFlux, SphereCells, even_cells, refine
 from ..scene.light import SphericalGaussians
 from ..scene.maps import Maps
-from ..scene.mesh import Hits, Mesh, surface
-from .bounce import Bounce, BounceUnder
+from ..scene.mesh import CameraHits, Mesh, surface
+from .interreflection import IndirectLight, Interreflection
 from .reference import Progress, path_trace, silent
-from .transport import Directions, Points, shade, visibility
+from .transport import Quadrature, ShadingPoints, shade, visibility
 
 mi = mitsuba()
 
@@ -39,14 +39,7 @@ def traced(
     """Path-traced (S, S, 3) linear sRGB under `environment` (H, W[, 3]), beyond the mask, too."""
     mesh = Mesh(face.mesh.vertices, face.mesh.triangles)
     return path_trace(
-        mesh,
-        face.camera,
-        face.maps,
-        environment,
-        samples,
-        BOUNCES,
-        seed,
-        progress=progress,
+        mesh, face.camera, face.maps, environment, samples, BOUNCES, seed, progress=progress
     )
 
 
@@ -59,7 +52,7 @@ class Relighter:
         hits = self.mesh.camera_hits(face.camera)
         inside = np.flatnonzero(face.mask.ravel()[hits.pixel.numpy()] > 0).astype(np.uint32)
         chosen = device(mi.UInt32, inside)
-        hits = Hits(
+        hits = CameraHits(
             dr.gather(mi.UInt32, hits.pixel, chosen), dr.gather(mi.UInt32, hits.triangle, chosen)
         )
         self.pixel = hits.pixel.numpy().astype(np.int64)
@@ -67,14 +60,16 @@ class Relighter:
         position, _, geometric = surface(
             face.camera, hits, mesh.vertices, mesh.normals, mesh.triangles
         )
-        self.points = Points(
+        self.points = ShadingPoints(
             position,
             device(mi.Vector3f, face.normals.diffuse.reshape(-1, 3)[self.pixel]),
             device(mi.Vector3f, face.normals.specular.reshape(-1, 3)[self.pixel]),
             geometric,
             device(mi.Float, face.maps.roughness.ravel()[self.pixel]),
         )
-        self.bounce = Bounce(mesh, face.camera, hits, face.maps.roughness, bounces)
+        self.interreflection = Interreflection(
+            mesh, face.camera, hits, face.maps.roughness, bounces
+        )
 
     def __call__(self, light: np.ndarray | SphericalGaussians) -> np.ndarray:
         """(S, S, 3) linear sRGB under `light`; 0 outside the mask.
@@ -98,12 +93,12 @@ class Relighter:
         if len(turns) > 1:
             limit = int(np.clip(_BITS // len(self.pixel), limit, _TURNING_LIMIT))
         cells = refine(even_cells(), environment, limit=limit, azimuths=turns)
-        flux = Flux(environment)
-        radiance = np.stack([flux.mean(cells.turned(turn)) for turn in turns])
+        flux = EnvironmentFlux(environment)
+        radiance = np.stack([flux.mean(cells.rotated(turn)) for turn in turns])
         lit = np.flatnonzero(radiance.any(axis=(0, *range(2, radiance.ndim))))
         # Cells that one frame needs lie next to each other.
         lit = lit[np.argsort(cells.phi[lit].mean(axis=1), kind="stable")]
-        return Lit(self, cells.some(lit), radiance[:, lit])
+        return Lit(self, cells.select(lit), radiance[:, lit])
 
 
 class Lit:
@@ -112,13 +107,13 @@ class Lit:
     cells: D of them. radiance: (F, D) or (F, D, 3), of each of F frames.
     """
 
-    def __init__(self, face: Relighter, cells: Cells, radiance: np.ndarray) -> None:
+    def __init__(self, face: Relighter, cells: SphereCells, radiance: np.ndarray) -> None:
         self.face, self.cells, self.radiance = face, cells, radiance
         if not len(cells):
             return
-        directions = Directions(cells)
-        self._direct = visibility(face.mesh.scene, face.points, directions, face.points.horizon)
-        self._indirect = face.bounce.under(directions).bits
+        quadrature = Quadrature(cells)
+        self._direct = visibility(face.mesh.scene, face.points, quadrature, face.points.horizon)
+        self._indirect = face.interreflection.under(quadrature).bits
 
     def image(self, frame: int) -> np.ndarray:
         """(S, S, 3) linear sRGB; 0 outside the mask."""
@@ -132,12 +127,12 @@ class Lit:
             return composed(face.maps, face.pixel, nothing, nothing)
         index = (words[:, None] * 32 + np.arange(32)).ravel()
         index = index[index < len(radiance)]
-        directions, radiance = Directions(self.cells.some(index)), radiance[index]
-        e, s = shade(face.points, directions, _words(self._direct, words, count), radiance)
+        quadrature, radiance = Quadrature(self.cells.select(index)), radiance[index]
+        e, s = shade(face.points, quadrature, _words(self._direct, words, count), radiance)
         bits = self._indirect
         if bits is not None:
-            bits = _words(bits, words, len(face.bounce.lit))
-        under = BounceUnder(face.bounce, directions, bits)
+            bits = _words(bits, words, len(face.interreflection.emitting))
+        under = IndirectLight(face.interreflection, quadrature, bits)
         indirect_e, indirect_s = under.shade(radiance, face.maps)
         total_e = e.numpy().T.reshape(count, -1) + indirect_e
         total_s = s.numpy().T.reshape(count, -1) + indirect_s

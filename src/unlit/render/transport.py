@@ -16,7 +16,7 @@ with the normal.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -25,7 +25,7 @@ import numpy as np
 from ..machine.runtime import mitsuba
 from ..scene.arrays import at_least, device
 from ..scene.brdf import specular, specular_with_gradient
-from ..scene.cells import Cells
+from ..scene.cells import SphereCells
 from ..scene.linear import linear
 from .visibility import HORIZON, trace, visible
 
@@ -33,7 +33,7 @@ mi = mitsuba()
 
 
 @dataclass(frozen=True)
-class Points:
+class ShadingPoints:
     """P shading points of the face, Dr.Jit arrays of width P in the world frame (cm).
 
     position: mi.Point3f. diffuse_normal, specular_normal: unit mi.Vector3f. geometric: unit
@@ -49,11 +49,9 @@ class Points:
     def __len__(self) -> int:
         return dr.width(self.position)
 
-    def gather(self, index: Any) -> Points:
+    def gather(self, index: Any) -> ShadingPoints:
         """The points at `index` (mi.UInt32)."""
-        return Points(
-            *(dr.gather(type(v), v, index) for v in (getattr(self, f.name) for f in fields(self)))
-        )
+        return ShadingPoints(*(dr.gather(type(v), v, index) for v in vars(self).values()))
 
     @property
     def to_viewer(self) -> Any:
@@ -65,14 +63,16 @@ class Points:
         return -dr.norm(self.diffuse_normal - self.specular_normal)
 
 
-class Directions:
-    """The quadrature on the device: eight floats per cell, read as one packet.
+class Quadrature:
+    """The quadrature of the light's sphere on the device, D cells.
 
-    They are the unit direction, the solid angle, the first moment / pi, and a zero.
+    directions: mi.Vector3f of width D, unit, to the light. solid_angle: (D,) float64, steradian.
+    table: eight floats per cell, read as one packet: unit direction, solid angle, first moment /
+    pi, and a zero.
     """
 
-    def __init__(self, cells: Cells) -> None:
-        self.unit = device(mi.Vector3f, cells.direction)
+    def __init__(self, cells: SphereCells) -> None:
+        self.directions = device(mi.Vector3f, cells.direction)
         table = np.zeros((len(cells), 8), dtype=np.float32)
         table[:, :3], table[:, 3] = cells.direction, cells.solid_angle
         table[:, 4:7] = cells.moment / np.pi
@@ -94,18 +94,20 @@ class Directions:
         return mi.Vector3f(first.xyz), mi.Vector3f(second.xyz), first.w
 
 
-def visibility(scene: Any, points: Points, directions: Directions, horizon: Any = HORIZON) -> Any:
+def visibility(
+    scene: Any, points: ShadingPoints, quadrature: Quadrature, horizon: Any = HORIZON
+) -> Any:
     """Visibility bits of `points`; see visibility.trace.
 
     horizon: `points.horizon` leaves out what neither lobe needs, for normals that stay.
     """
     p = points
-    return trace(scene, p.position, p.specular_normal, p.geometric, directions.unit, horizon)
+    return trace(scene, p.position, p.specular_normal, p.geometric, quadrature.directions, horizon)
 
 
-def _terms(points: Points, viewer: Any, directions: Directions, d: Any) -> tuple[Any, Any]:
+def _terms(points: ShadingPoints, viewer: Any, quadrature: Quadrature, d: Any) -> tuple[Any, Any]:
     """Unoccluded diffuse and specular transport from the cells `d` to as many `points`."""
-    towards, moment, solid_angle = directions.gather(d)
+    towards, moment, solid_angle = quadrature.gather(d)
     diffuse = at_least(dr.dot(points.diffuse_normal, moment), 0)
     lobe = specular(points.specular_normal, towards, viewer, points.roughness)
     return diffuse, lobe * solid_angle
@@ -118,17 +120,17 @@ def _seen(bits: Any, points: Any, point: Any, d: Any, word: Any) -> tuple[Any, A
     return ((word >> (d & 31)) & 1) != 0, word
 
 
-def _where(seen: Any, lit: Any, d: Any, *sums: Any) -> tuple[Any, ...]:
-    """lit(d, *sums) where `seen`, else `sums`.
+def _if_seen(seen: Any, add: Any, d: Any, *sums: Any) -> tuple[Any, ...]:
+    """add(d, *sums) where `seen`, else `sums`.
 
     A branch, and not a selection: most neighbours agree on what they see, so half of the work is
     skipped (measured: 1.6 times faster, the same bits).
     """
-    return dr.if_stmt((d, *sums), seen, lit, lambda d, *sums: sums)
+    return dr.if_stmt((d, *sums), seen, add, lambda d, *sums: sums)
 
 
 def shade(
-    points: Points, directions: Directions, bits: Any, radiance: np.ndarray
+    points: ShadingPoints, quadrature: Quadrature, bits: Any, radiance: np.ndarray
 ) -> tuple[Any, Any]:
     """Direct shading (E, S) of every point under `radiance` (D,) or (D, 3), exactly.
 
@@ -136,18 +138,18 @@ def shade(
     """
     colour = mi.Color3f if np.ndim(radiance) == 2 else mi.Float
     light = device(colour, radiance)
-    count, width = (dr.opaque(mi.UInt32, len(a)) for a in (directions, points))
+    count, width = (dr.opaque(mi.UInt32, len(a)) for a in (quadrature, points))
     point = dr.arange(mi.UInt32, len(points))
     viewer = points.to_viewer
 
-    def lit(d: Any, e: Any, s: Any) -> tuple[Any, Any]:
-        diffuse, lobe = _terms(points, viewer, directions, d)
+    def add(d: Any, e: Any, s: Any) -> tuple[Any, Any]:
+        diffuse, lobe = _terms(points, viewer, quadrature, d)
         value = dr.gather(colour, light, d)
         return e + value * diffuse, s + value * lobe
 
     def body(d: Any, word: Any, e: Any, s: Any) -> tuple[Any, ...]:
         seen, word = _seen(bits, width, point, d, word)
-        return d + 1, word, *_where(seen, lit, d, e, s)
+        return d + 1, word, *_if_seen(seen, add, d, e, s)
 
     zero, none = dr.zeros(colour, len(points)), dr.zeros(mi.UInt32, len(points))
     state = (none, mi.UInt32(none), zero, colour(zero))
@@ -159,7 +161,7 @@ def lobe_towards(
     viewer: Any,
     normal: Any,
     roughness: Any,
-    directions: Directions,
+    quadrature: Quadrature,
     seen: tuple[Any, int, Any],
     radiance: np.ndarray,
 ) -> Any:
@@ -171,16 +173,16 @@ def lobe_towards(
     bits, points, point = seen
     colour = mi.Color3f if np.ndim(radiance) == 2 else mi.Float
     light = device(colour, radiance)
-    count, width = dr.opaque(mi.UInt32, len(directions)), dr.opaque(mi.UInt32, points)
+    count, width = dr.opaque(mi.UInt32, len(quadrature)), dr.opaque(mi.UInt32, points)
 
-    def lit(d: Any, s: Any) -> tuple[Any, ...]:
-        towards, _, solid_angle = directions.gather(d)
+    def add(d: Any, s: Any) -> tuple[Any, ...]:
+        towards, _, solid_angle = quadrature.gather(d)
         lobe = specular(normal, towards, viewer, roughness) * solid_angle
         return (s + dr.gather(colour, light, d) * lobe,)
 
     def body(d: Any, word: Any, s: Any) -> tuple[Any, ...]:
         seen, word = _seen(bits, width, point, d, word)
-        return d + 1, word, *_where(seen, lit, d, s)
+        return d + 1, word, *_if_seen(seen, add, d, s)
 
     none = dr.zeros(mi.UInt32, dr.width(point))
     state = (none, mi.UInt32(none), dr.zeros(colour, dr.width(point)))
@@ -189,7 +191,11 @@ def lobe_towards(
 
 @dataclass(frozen=True)
 class Linearization:
-    """First-order shading about the normals n0: E0 + B . (n_d - n0_d), S0 + C . (n_s - n0_s)."""
+    """First-order shading about the normals n0: E0 + B . (n_d - n0_d), S0 + C . (n_s - n0_s).
+
+    diffuse, specular: E0 and S0, mi.Float of width P; their gradients B, C, mi.Vector3f; the unit
+    normals n0, mi.Vector3f.
+    """
 
     diffuse: Any
     specular: Any
@@ -206,7 +212,7 @@ class Linearization:
 
 
 def linearize(
-    points: Points, directions: Directions, bits: Any, radiance: np.ndarray
+    points: ShadingPoints, quadrature: Quadrature, bits: Any, radiance: np.ndarray
 ) -> Linearization:
     """Shading under a monochrome `radiance` (D,) and its derivative along both normals.
 
@@ -214,12 +220,12 @@ def linearize(
     plane, in which a unit normal moves.
     """
     light = device(mi.Float, radiance)
-    count, width = (dr.opaque(mi.UInt32, len(a)) for a in (directions, points))
+    count, width = (dr.opaque(mi.UInt32, len(a)) for a in (quadrature, points))
     point = dr.arange(mi.UInt32, len(points))
     viewer = points.to_viewer
 
-    def lit(d: Any, b: Any, s: Any, c: Any) -> tuple[Any, Any, Any]:
-        towards, moment, solid_angle = directions.gather(d)
+    def add(d: Any, b: Any, s: Any, c: Any) -> tuple[Any, Any, Any]:
+        towards, moment, solid_angle = quadrature.gather(d)
         value = dr.gather(mi.Float, light, d)
         above = dr.dot(points.diffuse_normal, moment) > 0
         lobe, gradient = specular_with_gradient(
@@ -231,7 +237,7 @@ def linearize(
 
     def body(d: Any, word: Any, b: Any, s: Any, c: Any) -> tuple[Any, ...]:
         seen, word = _seen(bits, width, point, d, word)
-        return d + 1, word, *_where(seen, lit, d, b, s, c)
+        return d + 1, word, *_if_seen(seen, add, d, b, s, c)
 
     zero, none = dr.zeros(mi.Vector3f, len(points)), dr.zeros(mi.UInt32, len(points))
     state = (none, mi.UInt32(none), zero, dr.zeros(mi.Float, len(points)), mi.Vector3f(zero))
@@ -247,17 +253,17 @@ def linearize(
 
 
 def transport_rows(
-    points: Points, directions: Directions, bits: Any
+    points: ShadingPoints, quadrature: Quadrature, bits: Any
 ) -> tuple[np.ndarray, np.ndarray]:
     """Exact transport rows (P, D), float32: diffuse and specular."""
-    count, width = (dr.opaque(mi.UInt32, len(a)) for a in (directions, points))
-    index = dr.arange(mi.UInt32, len(points) * len(directions))
+    count, width = (dr.opaque(mi.UInt32, len(a)) for a in (quadrature, points))
+    index = dr.arange(mi.UInt32, len(points) * len(quadrature))
     point, d = index // count, index % count
     here = points.gather(point)
     seen = visible(bits, width, point, d)
-    rows = [dr.select(seen, t, 0) for t in _terms(here, here.to_viewer, directions, d)]
+    rows = [dr.select(seen, t, 0) for t in _terms(here, here.to_viewer, quadrature, d)]
     dr.eval(rows)
-    diffuse, lobe = (row.numpy().reshape(len(points), len(directions)) for row in rows)
+    diffuse, lobe = (row.numpy().reshape(len(points), len(quadrature)) for row in rows)
     return diffuse, lobe
 
 
@@ -291,8 +297,8 @@ class Transport:
     P x D float32 each: for a sample of the pixels only.
     """
 
-    def __init__(self, points: Points, directions: Directions, bits: Any) -> None:
-        self._products = [Product(rows) for rows in transport_rows(points, directions, bits)]
+    def __init__(self, points: ShadingPoints, quadrature: Quadrature, bits: Any) -> None:
+        self._products = [Product(rows) for rows in transport_rows(points, quadrature, bits)]
 
     def shade(self, radiance: Any) -> tuple[Any, Any]:
         """(E, S), mi.Float of width P, for `radiance` mi.Float of width D; differentiable."""

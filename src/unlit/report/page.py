@@ -15,7 +15,7 @@ import tomli_w
 from ..color import is_white
 from ..conditions.illuminant import temperature
 from ..evaluate.psnr import psnr
-from ..face.gain import full_light
+from ..face.gain import peak_luminance
 from ..face.reconstruction import Reconstruction
 from ..output.atlas import Atlas, bake
 from ..output.load import load
@@ -146,7 +146,7 @@ def _gain(r: Reconstruction) -> str:
     inside = r.face.mask > 0
     if unit is None or not inside.any():
         return text
-    lux = math.pi * unit * full_light(r.images.diffuse_shading[inside])
+    lux = math.pi * unit * peak_luminance(r.images.diffuse_shading[inside])
     return f"{text}; by the photo's exposure {lux:,.0f} lux, within a stop or so, fall there"
 
 

@@ -18,7 +18,7 @@ from .light import latlong_solid_angles
 
 
 @dataclass(frozen=True)
-class Cells:
+class SphereCells:
     """D cells given by their edges: theta (D, 2) and phi (D, 2), radians, low then high."""
 
     theta: np.ndarray
@@ -60,17 +60,17 @@ class Cells:
 
     def average(self, environment: np.ndarray) -> np.ndarray:
         """Mean radiance (D, ...) over each cell of a latitude-longitude map (H, W, ...)."""
-        return Flux(environment).mean(self)
+        return EnvironmentFlux(environment).mean(self)
 
-    def turned(self, azimuth: float) -> Cells:
+    def rotated(self, azimuth: float) -> SphereCells:
         """The cells moved by `azimuth`, radians, towards larger phi; edges may pass 2 pi."""
-        return Cells(self.theta, self.phi + azimuth)
+        return SphereCells(self.theta, self.phi + azimuth)
 
-    def some(self, which: np.ndarray) -> Cells:
+    def select(self, which: np.ndarray) -> SphereCells:
         """The cells at `which`, indices or (D,) bool."""
-        return Cells(self.theta[which], self.phi[which])
+        return SphereCells(self.theta[which], self.phi[which])
 
-    def split(self, which: np.ndarray) -> Cells:
+    def split(self, which: np.ndarray) -> SphereCells:
         """Cells with those marked in `which` (D,) bool cut in four, appended at the end."""
         middle_t = self.theta[which].mean(axis=1)
         middle_p = self.phi[which].mean(axis=1)
@@ -79,10 +79,10 @@ class Cells:
             for p in ((self.phi[which, 0], middle_p), (middle_p, self.phi[which, 1])):
                 theta.append(np.stack(t, axis=1))
                 phi.append(np.stack(p, axis=1))
-        return Cells(np.concatenate(theta), np.concatenate(phi))
+        return SphereCells(np.concatenate(theta), np.concatenate(phi))
 
 
-class Flux:
+class EnvironmentFlux:
     """Integrals of a latitude-longitude map (H, W, ...) over cells, however they are turned.
 
     The map is taken as constant per pixel; cell edges may fall inside pixels.
@@ -102,7 +102,7 @@ class Flux:
         """Integral over the sphere (...)."""
         return self._table[-1, -1]
 
-    def mean(self, cells: Cells) -> np.ndarray:
+    def mean(self, cells: SphereCells) -> np.ndarray:
         """Mean radiance (D, ...) over each of `cells`, float32."""
         (t0, t1), (p0, p1) = cells.theta.T, cells.phi.T
         total = self._at(t1, p1) - self._at(t0, p1) - self._at(t1, p0) + self._at(t0, p0)
@@ -129,15 +129,17 @@ class Flux:
         return along(row) * (1 - fr) + along(row + 1) * fr
 
 
-def grid_cells(rows: int = 18, columns: int = 36) -> Cells:
+def grid_cells(rows: int = 18, columns: int = 36) -> SphereCells:
     """Regular latitude-longitude cells, row by row from the pole +y; 648 by default."""
     theta = np.linspace(0, np.pi, rows + 1)
     phi = np.linspace(0, 2 * np.pi, columns + 1)
     i, j = (x.ravel() for x in np.mgrid[0:rows, 0:columns])
-    return Cells(np.stack([theta[i], theta[i + 1]], axis=1), np.stack([phi[j], phi[j + 1]], axis=1))
+    return SphereCells(
+        np.stack([theta[i], theta[i + 1]], axis=1), np.stack([phi[j], phi[j + 1]], axis=1)
+    )
 
 
-def even_cells(rows: int = 18) -> Cells:
+def even_cells(rows: int = 18) -> SphereCells:
     """Cells as wide as high: rows get shorter towards the poles; 414 by default.
 
     They serve as well as the regular ones, which crowd at the poles, with a third fewer rays.
@@ -149,16 +151,16 @@ def even_cells(rows: int = 18) -> Cells:
         steps = np.linspace(0, 2 * np.pi, columns + 1)
         theta += [(t0, t1)] * columns
         phi += itertools.pairwise(steps)
-    return Cells(np.array(theta), np.array(phi))
+    return SphereCells(np.array(theta), np.array(phi))
 
 
 def refine(
-    cells: Cells,
+    cells: SphereCells,
     environment: np.ndarray,
     share: float = 0.001,
     limit: int = 2500,
     azimuths: Sequence[float] = (0.0,),
-) -> Cells:
+) -> SphereCells:
     """Split the cells across which the light varies most, for the light `environment` (H, W[, 3]).
 
     A cell is split while the flux of its quarters differs by over `share` of the light's whole
@@ -168,13 +170,13 @@ def refine(
     """
     if environment.ndim == 3:
         environment = environment.mean(axis=2)
-    light = Flux(environment)
+    light = EnvironmentFlux(environment)
     pixel = np.pi / environment.shape[0]
     while True:
         quarters = cells.split(np.ones(len(cells), dtype=bool))
         score = np.zeros(len(cells))
         for azimuth in azimuths:
-            flux = light.mean(quarters.turned(azimuth)) * quarters.solid_angle
+            flux = light.mean(quarters.rotated(azimuth)) * quarters.solid_angle
             flux = flux.reshape(4, -1)
             uneven = np.abs(flux - flux.mean(axis=0)).sum(axis=0)
             score = np.maximum(score, np.maximum(uneven, 0.1 * flux.sum(axis=0)))

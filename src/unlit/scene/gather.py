@@ -21,7 +21,10 @@ mi = mitsuba()
 
 
 class Corners:
-    """Triangles (F, 3) as indices into arrays of V elements."""
+    """Triangles (F, 3) as indices into arrays of V elements.
+
+    index: of the three corners, mi.UInt32 of width F each.
+    """
 
     def __init__(self, triangles: np.ndarray, vertices: int) -> None:
         triangles = np.asarray(triangles)

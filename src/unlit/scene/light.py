@@ -44,7 +44,8 @@ def latlong_solid_angles(height: int, width: int) -> np.ndarray:
 class SphericalGaussians:
     """Lobes: unit axis (K, 3), sharpness (K,) > 0, amplitude (K,) >= 0 radiance; float32.
 
-    color: (3,) linear sRGB that all radiance is multiplied with; the optimiser's light is white.
+    color: (3,) linear sRGB, > 0, that all radiance is multiplied with; the optimiser's light is
+    white.
     """
 
     axis: np.ndarray

@@ -16,13 +16,13 @@ import numpy as np
 
 from ..machine.runtime import mitsuba
 from .arrays import device
-from .cells import Cells
+from .cells import SphereCells
 from .light import SphericalGaussians
 
 mi = mitsuba()
 
 
-def _nodes(cells: Cells) -> np.ndarray:
+def _nodes(cells: SphereCells) -> np.ndarray:
     """Unit directions (4, D, 3) of the Gauss-Legendre points of each cell; equal weights."""
     offset = 0.5 / np.sqrt(3)
     z = np.cos(cells.theta)
@@ -85,9 +85,12 @@ class _Radiance(dr.CustomOp):
 
 
 class CellRadiance:
-    """Mean radiance per cell of a mixture of lobes, for one fixed set of cells."""
+    """Mean radiance per cell of a mixture of lobes, for one fixed set of D cells.
 
-    def __init__(self, cells: Cells) -> None:
+    nodes: mi.Vector3f of width 4 D, unit: where the lobes are evaluated.
+    """
+
+    def __init__(self, cells: SphereCells) -> None:
         nodes = _nodes(cells).reshape(-1, 3)
         self.count = len(cells)
         self.nodes = device(mi.Vector3f, nodes)

@@ -22,10 +22,10 @@ DIFFUSE_BLUR = 1.0
 class Maps:
     """Reflectance of a face in the crop's pixels, float32.
 
-    diffuse_albedo: (H, W, 3) linear sRGB. specular_albedo: (H, W), a factor on the
-    Beckmann lobe, of order one. roughness: (H, W), Beckmann alpha. perturbation: (H, W, 3),
-    world frame, added to the mesh's unit normal to give the specular normal (paper, equation for
-    n_s); zero for a plain mesh.
+    diffuse_albedo: (H, W, 3) linear sRGB, >= 0, up to 1 on skin. specular_albedo: (H, W) >= 0, a
+    factor on the Beckmann lobe, of order one. roughness: (H, W), Beckmann alpha in (0, 1).
+    perturbation: (H, W, 3), world frame, no unit, added to the mesh's unit normal to give the
+    specular normal (paper, equation for n_s); zero for a plain mesh.
     """
 
     diffuse_albedo: np.ndarray

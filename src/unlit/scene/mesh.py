@@ -32,7 +32,7 @@ def vertex_normals(vertices: Any, corners: Corners) -> Any:
 
 
 @dataclass(frozen=True)
-class Hits:
+class CameraHits:
     """What P camera rays hit: pixel (P,) row-major index, triangle (P,) index; Dr.Jit UInt32."""
 
     pixel: Any
@@ -43,6 +43,8 @@ class Mesh:
     """A triangle mesh in a Mitsuba scene of its own, built once and moved by `set_vertices`.
 
     vertices: (V, 3) float32, world frame, cm. triangles: (F, 3), counter-clockwise from outside.
+    As attributes: vertices mi.Point3f and normals mi.Vector3f, unit, of width V; triangles
+    mi.Vector3u of width F; corners: of all triangles; scene: Mitsuba's, with the mesh alone in it.
     """
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:
@@ -73,12 +75,12 @@ class Mesh:
             self._scene_parameters["face.vertex_normals"] = dr.ravel(self.normals)
             self._scene_parameters.update()
 
-    def hit_corners(self, hits: Hits) -> Corners:
+    def hit_corners(self, hits: CameraHits) -> Corners:
         """The corners of the triangles that were hit."""
         triangles = self.triangles.numpy().T[hits.triangle.numpy()]
         return Corners(triangles, dr.width(self.vertices))
 
-    def camera_hits(self, camera: Camera) -> Hits:
+    def camera_hits(self, camera: Camera) -> CameraHits:
         """The triangle seen through each pixel centre of `camera`, for the pixels that see one."""
         ray = camera_rays(camera, dr.arange(mi.UInt32, camera.width * camera.height))
         hit = self.scene.ray_intersect_preliminary(ray, coherent=True)
@@ -86,7 +88,7 @@ class Mesh:
         pixel = where(hit.is_valid())
         triangle = dr.gather(mi.UInt32, hit.prim_index, pixel)
         dr.eval(pixel, triangle)
-        return Hits(pixel, triangle)
+        return CameraHits(pixel, triangle)
 
 
 def camera_rays(camera: Camera, pixel: Any) -> Any:
@@ -113,7 +115,9 @@ def barycentric(direction: Any, a: Any, b: Any, c: Any) -> Any:
     return weights / dr.sum(weights)
 
 
-def surface_weights(camera: Camera, hits: Hits, vertices: Any, triangles: Any) -> tuple[Any, Any]:
+def surface_weights(
+    camera: Camera, hits: CameraHits, vertices: Any, triangles: Any
+) -> tuple[Any, Any]:
     """The hit triangles' corner indices (mi.Vector3u) and the hits' barycentric weights."""
     corner = dr.gather(mi.Vector3u, triangles, hits.triangle)
     a, b, c = (dr.gather(mi.Point3f, vertices, corner[i]) for i in range(3))
@@ -122,7 +126,7 @@ def surface_weights(camera: Camera, hits: Hits, vertices: Any, triangles: Any) -
 
 def surface(
     camera: Camera,
-    hits: Hits,
+    hits: CameraHits,
     vertices: Any,
     normals: Any,
     triangles: Any,

@@ -10,7 +10,7 @@ import pytest
 
 from unlit.conditions import cast_shadow as module
 from unlit.conditions.cast_shadow import attenuation, cast_shadow, shadowed
-from unlit.conditions.first_stage import FirstLook
+from unlit.conditions.first_stage import ShortStage1
 from unlit.optimize.observation import Observation
 from unlit.scene.camera import Camera
 from unlit.scene.surface_points import SurfacePoints
@@ -33,8 +33,8 @@ def found(dark: np.ndarray, factor: float = 0.4, light: float = 0.8) -> np.ndarr
     render = np.full((SIZE, SIZE, 3), 0.3, np.float32) * FACE[..., None]
     image = render * np.where(dark, factor, 1)[..., None] * np.where(BROWS, 0.3, 1)[..., None]
     image = image * (1 + 0.05 * RNG.standard_normal(image.shape))
-    look = FirstLook(np.full((SIZE, SIZE), light), np.zeros((SIZE, SIZE)), render, FACE)
-    return shadowed(SimpleNamespace(image=image, regions=regions), look, ABOVE, CastShadow())  # type: ignore[arg-type]
+    stage1 = ShortStage1(np.full((SIZE, SIZE), light), np.zeros((SIZE, SIZE)), render, FACE)
+    return shadowed(SimpleNamespace(image=image, regions=regions), stage1, ABOVE, CastShadow())  # type: ignore[arg-type]
 
 
 def agreement(a: np.ndarray, b: np.ndarray) -> float:
@@ -78,11 +78,11 @@ def test_skin_that_the_photo_clips_is_no_shadow() -> None:
     """The model may be far above white there."""
     render = np.where(FACE & (Y < 80), 2.2, 0.8)[..., None] * np.ones(3)
     regions = np.dstack([FACE, 0 * Y, 0 * Y, 0 * Y]).astype(np.float32)
-    look = FirstLook(
+    stage1 = ShortStage1(
         np.ones_like(render[..., 0]), 0 * render[..., 0], render * FACE[..., None], FACE
     )
-    photo = SimpleNamespace(image=np.minimum(look.render, 1), regions=regions)
-    assert not shadowed(photo, look, ABOVE, CastShadow()).any()  # type: ignore[arg-type]
+    photo = SimpleNamespace(image=np.minimum(stage1.render, 1), regions=regions)
+    assert not shadowed(photo, stage1, ABOVE, CastShadow()).any()  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("scale", [1, 2])
@@ -91,14 +91,14 @@ def test_it_is_found_at_any_size(monkeypatch, scale: int) -> None:
     render = np.full((SIZE, SIZE, 3), 0.3, np.float32) * FACE[..., None]
     seen: list[Observation] = []
 
-    def look(observation: Observation, settings: object) -> FirstLook:
+    def stage1(observation: Observation, settings: object) -> ShortStage1:
         seen.append(observation)
-        return FirstLook(np.full((SIZE, SIZE), 0.8), np.zeros((SIZE, SIZE)), render, FACE)
+        return ShortStage1(np.full((SIZE, SIZE), 0.8), np.zeros((SIZE, SIZE)), render, FACE)
 
     def large(image: np.ndarray) -> np.ndarray:
         return cv2.resize(image.astype(np.float32), None, fx=scale, fy=scale)
 
-    monkeypatch.setattr(module, "first_look", look)
+    monkeypatch.setattr(module, "short_stage1", stage1)
     hat = FACE & (Y < 80)
     face = large(FACE)
     regions = np.dstack([face, 0 * face, 0 * face, 0 * face])

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from unlit.color import WHITE, decode_srgb
-from unlit.conditions.illuminant import fitting, of_card, of_temperature, temperature, told
+from unlit.conditions.illuminant import (
+    fitting,
+    of_card,
+    of_temperature,
+    stated,
+    temperature,
+)
 from unlit.errors import SettingsError
 from unlit.photo.photo import Photo
 from unlit.settings.conditions import LightColorRequest
@@ -42,15 +48,15 @@ def test_a_temperature_is_found_again(kelvin):
 
 
 def test_what_is_told():
-    assert told(LightColorRequest("auto")) is None
-    assert told(LightColorRequest("12,30")) is None
+    assert stated(LightColorRequest("auto")) is None
+    assert stated(LightColorRequest("12,30")) is None
     for text, color in {
         "white": WHITE,
         "2,1,0.5": (1, 0.5, 0.25),
         "#ffb46b": decode_srgb([1, 180 / 255, 107 / 255]),
         "2700K": of_temperature(2700),
     }.items():
-        found = told(LightColorRequest(text))
+        found = stated(LightColorRequest(text))
         assert found is not None and found.dtype == np.float32
         np.testing.assert_array_equal(found, np.float32(color))
 

@@ -6,7 +6,7 @@ from PIL import Image
 
 from unlit.errors import SettingsError
 from unlit.face.conditions import Conditions
-from unlit.face.gain import AlbedoGain, check_unit, full_light, within_one
+from unlit.face.gain import AlbedoGain, check_exposure, largest_gain, peak_luminance
 from unlit.face.photo import FacePhoto
 from unlit.perception.regions import Regions
 from unlit.photo.crop import Crop
@@ -89,14 +89,14 @@ def test_the_lights_colour_is_in_the_illuminance():
 
 def test_lux_need_a_photo_that_tells_its_exposure():
     with pytest.raises(SettingsError, match="500lux"):
-        check_unit(KnownExposure("500lux"), None)
+        check_exposure(KnownExposure("500lux"), None)
     with pytest.raises(SettingsError, match="500lux"):
         AlbedoGain(KnownExposure("500lux"), photo(8), Conditions())
 
 
 def test_full_light_is_the_luminance_of_the_best_lit():
     e = np.concatenate([np.full((98, 3), 0.2), np.full((4, 3), (1.0, 0.5, 0.25))])
-    assert full_light(e) == pytest.approx(0.2126 + 0.3576 + 0.01805, rel=1e-3)
+    assert peak_luminance(e) == pytest.approx(0.2126 + 0.3576 + 0.01805, rel=1e-3)
 
 
 def test_sunny_16():
@@ -126,10 +126,10 @@ def test_albedo_stays_within_one():
     """By its largest channel; a stray pixel does not darken the face."""
     albedo, inside = np.full((5000, 3), (0.8, 0.5, 0.4)), np.ones(5000, bool)
     albedo[0] = 3
-    assert within_one(albedo) == pytest.approx(1.25)
+    assert largest_gain(albedo) == pytest.approx(1.25)
     assert AlbedoGain().during_stages(albedo, inside) == 0.7
     albedo[:50] = (1.5, 0.8, 0.7)
-    assert within_one(albedo) == pytest.approx(1 / 1.5)
+    assert largest_gain(albedo) == pytest.approx(1 / 1.5)
     for found in (AlbedoGain(), AlbedoGain(KnownExposure("auto"), photo(8), Conditions())):
-        assert found.during_stages(albedo, inside) == within_one(albedo)
-        assert found.of_result(albedo, albedo, inside) == within_one(albedo)
+        assert found.during_stages(albedo, inside) == largest_gain(albedo)
+        assert found.of_result(albedo, albedo, inside) == largest_gain(albedo)

@@ -18,7 +18,7 @@ from unlit.head.model import HeadModel
 from unlit.head.sources.library import default_model
 from unlit.machine.runtime import mitsuba
 from unlit.perception.regions import Regions
-from unlit.render.transport import Directions, Points, shade, visibility
+from unlit.render.transport import Quadrature, ShadingPoints, shade, visibility
 from unlit.scene.arrays import device
 from unlit.scene.camera import Camera
 from unlit.scene.cells import grid_cells, refine
@@ -101,11 +101,11 @@ def photograph(head: HeadModel, state: State, light: np.ndarray) -> tuple[np.nda
     mesh = Mesh(placed(head, state), head.triangles)
     hits = mesh.camera_hits(CAMERA)
     position, n, geometric = surface(CAMERA, hits, mesh.vertices, mesh.normals, mesh.triangles)
-    points = Points(position, n, n, geometric, dr.full(mi.Float, 0.3, dr.width(n)))
+    points = ShadingPoints(position, n, n, geometric, dr.full(mi.Float, 0.3, dr.width(n)))
     cells = refine(grid_cells(), light)
-    directions = Directions(cells)
-    bits = visibility(mesh.scene, points, directions)
-    e, s = shade(points, directions, bits, cells.average(light))
+    quadrature = Quadrature(cells)
+    bits = visibility(mesh.scene, points, quadrature)
+    e, s = shade(points, quadrature, bits, cells.average(light))
     image = np.zeros((SIZE * SIZE, 3), dtype=np.float32)
     value = (0.4 * e + 0.7 * s).numpy()
     image[hits.pixel.numpy()] = value[:, None] * np.array([1.0, 0.7, 0.5])

@@ -12,14 +12,14 @@ from small_head import save_quickly
 from unlit.color import luminance
 from unlit.conditions.estimate import estimate_conditions
 from unlit.errors import SettingsError
-from unlit.face.gain import full_light
+from unlit.face.gain import peak_luminance
 from unlit.face.photo import FacePhoto
 from unlit.face.reconstruction import Reconstruction
 from unlit.output import load, save
 from unlit.photo.photo import Photo
 from unlit.pipeline.chain import Steps, reconstruct
 from unlit.pipeline.resume import resume
-from unlit.render.bounce import BounceUnder
+from unlit.render.interreflection import IndirectLight
 from unlit.render.relighter import Relighter
 from unlit.settings.settings import Settings
 
@@ -125,7 +125,7 @@ def test_a_measured_illuminance_is_that_of_the_result(white):
     measured = replace(tiny_run.photo(), white_luminance=1000.0)
     lit = tiny_run.run(chosen=tiny_run.settings(exposure="2400lux"), known=tiny_run.steps(measured))
     inside = white.face.mask > 0
-    full = full_light(lit.images.diffuse_shading[inside])
+    full = peak_luminance(lit.images.diffuse_shading[inside])
     assert np.pi * 1000 * full == pytest.approx(2400, rel=0.01)
     assert np.log(lit.gain / white.gain) > 0.2
     means = [result.images.render[inside].mean(axis=0) for result in (lit, white)]
@@ -147,13 +147,13 @@ def test_by_convention_a_white_card_would_be_brighter_than_the_photos_white(whit
 def test_inter_reflection_takes_the_albedo_of_the_result(monkeypatch, said, color):
     """What the face reflects onto itself is always that of the albedo that is saved."""
     shown = []
-    original = BounceUnder.shade
+    original = IndirectLight.shade
 
     def watched(self, radiance, maps, gloss=None):
         shown.append(maps.diffuse_albedo)
         return original(self, radiance, maps, gloss)
 
-    monkeypatch.setattr(BounceUnder, "shade", watched)
+    monkeypatch.setattr(IndirectLight, "shade", watched)
     seen = replace(tiny_run.photo(), white_luminance=1000.0)
     settings = tiny_run.settings(exposure=said, light_color=color)
     result = tiny_run.run(chosen=settings, known=estimated(seen, settings))

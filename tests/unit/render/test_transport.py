@@ -12,9 +12,9 @@ from unlit.machine.runtime import mitsuba
 from unlit.render.reference import path_trace
 from unlit.render.relighter import composed
 from unlit.render.transport import (
-    Directions,
     Linearization,
     Product,
+    Quadrature,
     Transport,
     linearize,
     shade,
@@ -62,9 +62,9 @@ def test_white_sky_on_a_ball() -> None:
     vertices = (unit * 8 + (0, 0, -70)).astype(np.float32)
     flat = dataclasses.replace(painted(48), perturbation=np.zeros((48, 48, 3), np.float32))
     scene = view(vertices, triangles, camera(48), flat)
-    directions = Directions(grid_cells())
-    bits = visibility(scene.mesh.scene, scene.points, directions)
-    e, s = shade(scene.points, directions, bits, grid_cells().average(uniform()))
+    quadrature = Quadrature(grid_cells())
+    bits = visibility(scene.mesh.scene, scene.points, quadrature)
+    e, s = shade(scene.points, quadrature, bits, grid_cells().average(uniform()))
     inside = scene.inside(1).ravel()[scene.pixel]
     assert np.abs(e.numpy()[inside] - 1).max() < 0.01
     assert e.numpy()[inside].mean() == pytest.approx(1, abs=2e-3)
@@ -80,9 +80,9 @@ def test_direct_light_is_the_path_tracers(name: str) -> None:
     scene, environment = head(), LIGHTS[name]
     reference = path_trace(scene.mesh, scene.camera, scene.maps, environment, 768, bounces=0)
     cells = refine(grid_cells(), environment)
-    directions = Directions(cells)
-    bits = visibility(scene.mesh.scene, scene.points, directions)
-    e, s = shade(scene.points, directions, bits, cells.average(environment))
+    quadrature = Quadrature(cells)
+    bits = visibility(scene.mesh.scene, scene.points, quadrature)
+    e, s = shade(scene.points, quadrature, bits, cells.average(environment))
     ours = composed(scene.maps, scene.pixel, e.numpy()[:, None], s.numpy()[:, None])
     inside = scene.inside()
     assert inside.sum() > 1500
@@ -94,12 +94,12 @@ def test_direct_light_is_the_path_tracers(name: str) -> None:
 def test_colour_is_three_monochrome_lights() -> None:
     """A coloured light shades each channel as if it were alone."""
     scene, cells = small(), grid_cells(8, 16)
-    directions = Directions(cells)
-    bits = visibility(scene.mesh.scene, scene.points, directions)
+    quadrature = Quadrature(cells)
+    bits = visibility(scene.mesh.scene, scene.points, quadrature)
     rgb = np.random.default_rng(0).random((len(cells), 3)).astype(np.float32)
-    e, s = shade(scene.points, directions, bits, rgb)
+    e, s = shade(scene.points, quadrature, bits, rgb)
     for channel in range(3):
-        one = shade(scene.points, directions, bits, rgb[:, channel])
+        one = shade(scene.points, quadrature, bits, rgb[:, channel])
         assert e[channel].numpy() == pytest.approx(one[0].numpy(), rel=1e-5)
         assert s[channel].numpy() == pytest.approx(one[1].numpy(), rel=1e-5)
 
@@ -117,11 +117,11 @@ def test_product_and_its_transpose() -> None:
 def test_transport_matrices() -> None:
     """Equal to the sum over the cells; the gradient is the adjoint of the product."""
     scene, cells = small(), grid_cells()
-    directions = Directions(cells)
-    bits = visibility(scene.mesh.scene, scene.points, directions)
-    transport = Transport(scene.points, directions, bits)
+    quadrature = Quadrature(cells)
+    bits = visibility(scene.mesh.scene, scene.points, quadrature)
+    transport = Transport(scene.points, quadrature, bits)
     radiance = cells.average(LIGHTS["mixture"])
-    exact = shade(scene.points, directions, bits, radiance)
+    exact = shade(scene.points, quadrature, bits, radiance)
     x = mi.Float(radiance)
     dr.enable_grad(x)
     e, s = transport.shade(x)
@@ -136,19 +136,19 @@ def test_transport_matrices() -> None:
 
 
 @cache
-def _linearized() -> tuple[Linearization, Directions, object, np.ndarray]:
+def _linearized() -> tuple[Linearization, Quadrature, object, np.ndarray]:
     scene, cells = small(), grid_cells()
-    directions = Directions(cells)
-    bits = visibility(scene.mesh.scene, scene.points, directions)
+    quadrature = Quadrature(cells)
+    bits = visibility(scene.mesh.scene, scene.points, quadrature)
     radiance = cells.average(LIGHTS["mixture"])
-    return linearize(scene.points, directions, bits, radiance), directions, bits, radiance
+    return linearize(scene.points, quadrature, bits, radiance), quadrature, bits, radiance
 
 
 def test_linearization_is_exact_where_it_is_made() -> None:
     """At its own normals it gives the exact shading."""
-    local, directions, bits, radiance = _linearized()
+    local, quadrature, bits, radiance = _linearized()
     points = small().points
-    exact = shade(points, directions, bits, radiance)
+    exact = shade(points, quadrature, bits, radiance)
     ours = local.shade(points.diffuse_normal, points.specular_normal)
     for a, b in zip(ours, exact, strict=True):
         assert a.numpy() == pytest.approx(b.numpy(), rel=1e-4, abs=1e-5)
@@ -159,7 +159,7 @@ def test_linearization_predicts_turned_normals() -> None:
 
     Off grazing angles, where the lobe's 1 / cos_o has no useful tangent.
     """
-    local, directions, bits, radiance = _linearized()
+    local, quadrature, bits, radiance = _linearized()
     points = small().points
     rng = np.random.default_rng(3)
     free = mi.Vector3f(rng.standard_normal((3, len(points))).astype(np.float32))
@@ -172,7 +172,7 @@ def test_linearization_predicts_turned_normals() -> None:
             diffuse_normal=dr.normalize(points.diffuse_normal + sign * step * free),
             specular_normal=dr.normalize(points.specular_normal + sign * step * free),
         )
-        exact = shade(turned, directions, bits, radiance)
+        exact = shade(turned, quadrature, bits, radiance)
         linear = local.shade(turned.diffuse_normal, turned.specular_normal)
         ends.append([x.numpy().astype(float)[facing] for x in (*exact, *linear)])
     e, s, linear_e, linear_s = (a - b for a, b in zip(*ends, strict=True))

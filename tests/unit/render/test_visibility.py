@@ -5,7 +5,7 @@ import pytest
 
 from bumpy_head import View, bumpy_head, camera, painted, view
 from unlit.machine.runtime import mitsuba
-from unlit.render.transport import Directions, visibility
+from unlit.render.transport import Quadrature, visibility
 from unlit.render.visibility import HORIZON, OFFSET, visible, words
 from unlit.scene.cells import grid_cells
 
@@ -26,16 +26,16 @@ def test_words() -> None:
 
 def test_bits_are_shadow_rays(head: View) -> None:
     """Every bit equals a shadow ray traced on its own; below the horizon all are dark."""
-    directions = Directions(CELLS)
+    quadrature = Quadrature(CELLS)
     count, points = len(CELLS), len(head.points)
-    bits = visibility(head.mesh.scene, head.points, directions)
+    bits = visibility(head.mesh.scene, head.points, quadrature)
     assert dr.width(bits) == words(count) * points
     index = dr.arange(mi.UInt32, points * count)
     point, d = index // count, index % count
     seen = visible(bits, points, point, d).numpy().reshape(points, count)
 
     here = head.points.gather(point)
-    towards = dr.gather(mi.Vector3f, directions.unit, d)
+    towards = dr.gather(mi.Vector3f, quadrature.directions, d)
     start = here.position + OFFSET * here.geometric
     free = ~head.mesh.scene.ray_test(mi.Ray3f(start, towards))
     above = dr.dot(here.specular_normal, towards) > HORIZON
@@ -43,7 +43,7 @@ def test_bits_are_shadow_rays(head: View) -> None:
     cosine = dr.dot(here.specular_normal, towards).numpy().reshape(points, count)
     assert not seen[cosine < HORIZON].any()
     # A lobe whose normal is the specular one needs no ray below it; the others are the same.
-    fewer = visibility(head.mesh.scene, head.points, directions, 0.0)
+    fewer = visibility(head.mesh.scene, head.points, quadrature, 0.0)
     kept = visible(fewer, points, point, d).numpy().reshape(points, count)
     assert (kept == (seen & (cosine > 0))).all()
     # The nose and the sockets do cast shadows: some directions above the horizon are blocked.

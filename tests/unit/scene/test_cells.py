@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from unlit.scene.cells import Cells, even_cells, grid_cells, refine
+from unlit.scene.cells import SphereCells, even_cells, grid_cells, refine
 from unlit.scene.light import disc, flash, latlong_directions, latlong_solid_angles, uniform
 
 
-def quarters_of(seed: int) -> Cells:
+def quarters_of(seed: int) -> SphereCells:
     """Irregular cells: a coarse grid with random cells split twice."""
     rng = np.random.default_rng(seed)
     cells = grid_cells(6, 10)
@@ -17,7 +17,7 @@ def quarters_of(seed: int) -> Cells:
 
 
 @pytest.mark.parametrize("cells", [grid_cells(), even_cells(), quarters_of(0)])
-def test_cells_tile_the_sphere(cells: Cells) -> None:
+def test_cells_tile_the_sphere(cells: SphereCells) -> None:
     """Solid angles sum to 4 pi, first moments to zero, also after splitting."""
     assert cells.solid_angle.sum() == pytest.approx(4 * np.pi)
     assert cells.moment.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)

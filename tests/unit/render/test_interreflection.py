@@ -8,10 +8,10 @@ import pytest
 
 from bumpy_head import View, ball, bumpy_head, camera, filtered, painted, view
 from unlit.machine.runtime import mitsuba
-from unlit.render.bounce import Bounce, sample_map, sphere_directions
+from unlit.render.interreflection import Interreflection, sample_map, sphere_directions
 from unlit.render.reference import path_trace
 from unlit.render.relighter import composed
-from unlit.render.transport import Directions, shade, visibility
+from unlit.render.transport import Quadrature, shade, visibility
 from unlit.scene.cells import grid_cells, refine
 from unlit.scene.light import disc, flash, uniform
 from unlit.scene.maps import Maps
@@ -30,13 +30,15 @@ def head() -> View:
 def rendered(scene: View, maps: Maps, environment: np.ndarray, bounces: int) -> np.ndarray:
     """The transport renderer's image, direct and indirect light."""
     cells = refine(grid_cells(), environment)
-    directions = Directions(cells)
+    quadrature = Quadrature(cells)
     radiance = cells.average(environment)
-    bits = visibility(scene.mesh.scene, scene.points, directions)
-    e, s = (x.numpy()[:, None] for x in shade(scene.points, directions, bits, radiance))
+    bits = visibility(scene.mesh.scene, scene.points, quadrature)
+    e, s = (x.numpy()[:, None] for x in shade(scene.points, quadrature, bits, radiance))
     if bounces:
-        bounce = Bounce(scene.mesh, scene.camera, scene.hits, maps.roughness, bounces)
-        more_e, more_s = bounce.under(directions).shade(radiance, maps)
+        interreflection = Interreflection(
+            scene.mesh, scene.camera, scene.hits, maps.roughness, bounces
+        )
+        more_e, more_s = interreflection.under(quadrature).shade(radiance, maps)
         e, s = e + more_e, s + more_s
     return composed(maps, scene.pixel, e, s)
 
@@ -115,14 +117,14 @@ def test_gloss_follows_the_lights_strength_not_its_place() -> None:
     """Kept for a light of other strength it is scaled, exactly; `change` tells how far it moved."""
     scene = head()
     cells = grid_cells()
-    bounce = Bounce(scene.mesh, scene.camera, scene.hits, scene.maps.roughness, 2)
-    under = bounce.under(Directions(cells))
+    interreflection = Interreflection(scene.mesh, scene.camera, scene.hits, scene.maps.roughness, 2)
+    under = interreflection.under(Quadrature(cells))
     flash_light, side = (cells.average(LIGHTS[name]) for name in ("flash", "side"))
-    gloss = under.gloss(flash_light)
+    gloss = under.specular_transfer(flash_light)
     kept, anew = (under.shade(3 * flash_light, scene.maps, g) for g in (gloss, None))
     for a, b in zip(kept, anew, strict=True):
         assert a == pytest.approx(b, rel=1e-4, abs=1e-6)
-    flux = under.directions.flux
+    flux = under.quadrature.flux
     assert gloss.change(flux(3 * flash_light)) == pytest.approx(0, abs=1e-6)
     assert gloss.change(flux(side)) == pytest.approx(1, abs=1e-6)
     assert gloss.change(flux(flash_light) + flux(side) / 3) == pytest.approx(0.25, abs=0.1)
@@ -148,9 +150,9 @@ def test_a_ball_lights_nothing_of_itself() -> None:
     unit, triangles = ball(3)
     maps = dataclasses.replace(painted(32), perturbation=np.zeros((32, 32, 3), np.float32))
     scene = view((unit * 8 + (0, 0, -70)).astype(np.float32), triangles, camera(32), maps)
-    directions = Directions(grid_cells())
-    bounce = Bounce(scene.mesh, scene.camera, scene.hits, maps.roughness, 3)
-    e, s = bounce.under(directions).shade(grid_cells().average(uniform()), maps)
+    quadrature = Quadrature(grid_cells())
+    interreflection = Interreflection(scene.mesh, scene.camera, scene.hits, maps.roughness, 3)
+    e, s = interreflection.under(quadrature).shade(grid_cells().average(uniform()), maps)
     assert np.abs(e).max() < 1e-3
     assert np.abs(s).max() < 1e-3
 
@@ -158,9 +160,11 @@ def test_a_ball_lights_nothing_of_itself() -> None:
 def test_no_bounces_no_light() -> None:
     """Inter-reflection switched off costs nothing and adds zeros of the right shape."""
     scene = head()
-    bounce = Bounce(scene.mesh, scene.camera, scene.hits, scene.maps.roughness, bounces=0)
-    directions = Directions(grid_cells())
-    e, s = bounce.under(directions).shade(grid_cells().average(uniform()), scene.maps)
+    interreflection = Interreflection(
+        scene.mesh, scene.camera, scene.hits, scene.maps.roughness, bounces=0
+    )
+    quadrature = Quadrature(grid_cells())
+    e, s = interreflection.under(quadrature).shade(grid_cells().average(uniform()), scene.maps)
     assert e.shape == s.shape == (len(scene.pixel), 3)
     assert not e.any()
     assert not s.any()

@@ -10,8 +10,8 @@ vertices this is a sparse linear system, with form factors as in radiosity (Gora
 
 solved by a few substitutions, then interpolated to the pixels: indirect light is smooth. G holds
 the cosine-weighted and H the specular-lobe-weighted form factors towards the camera. The lobe S of
-every ray, `Gloss`, costs as much as the rest together, so it may be kept while the light changes
-little.
+every ray, `SpecularTransfer`, costs as much as the rest together, so it may be kept while the light
+changes little.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from ..scene.arrays import device, where
 from ..scene.brdf import reflectance_table, specular
 from ..scene.camera import Camera
 from ..scene.maps import Maps
-from ..scene.mesh import Hits, Mesh, surface_weights
-from .transport import Directions, Points, lobe_towards, shade, visibility
+from ..scene.mesh import CameraHits, Mesh, surface_weights
+from .transport import Quadrature, ShadingPoints, lobe_towards, shade, visibility
 from .visibility import OFFSET
 
 mi = mitsuba()
@@ -53,7 +53,7 @@ def sample_map(image: np.ndarray, camera: Camera, points: np.ndarray) -> np.ndar
 
 @dataclass(frozen=True)
 class Paths:
-    """The N rays from vertices that end on the face, for the gloss of where they end.
+    """The N rays from vertices that end on the face, for the highlights where they end.
 
     receiver: (N,) vertex the ray starts from; emitter: (N,) vertex nearest to its end. towards:
     mi.Vector3f, unit, from the end back to the receiver; normal: mi.Vector3f, unit, and roughness:
@@ -100,7 +100,7 @@ def _reflectance(cosine: Any, alpha: Any) -> Any:
     return texture.eval(mi.Point2f(cosine, v / count))[0]
 
 
-def form_factors(mesh: Mesh, points: Points, seen: np.ndarray, count: int = 256) -> FormFactors:
+def form_factors(mesh: Mesh, points: ShadingPoints, seen: np.ndarray, count: int) -> FormFactors:
     """Trace `count` directions from the vertices `seen` and record which triangles they end on.
 
     points: the mesh's vertices as shading points, width V; seen: indices of those that receive,
@@ -160,7 +160,7 @@ def form_factors(mesh: Mesh, points: Points, seen: np.ndarray, count: int = 256)
 
 
 @dataclass(frozen=True)
-class Gloss:
+class SpecularTransfer:
     """What the rays bring of the highlights that one light makes on the face.
 
     to_e, to_s: sparse (V, V), one for each channel of the light: from the vertices' specular
@@ -189,18 +189,20 @@ class Gloss:
         return gain * e, gain * s
 
 
-class Bounce:
+class Interreflection:
     """Indirect shading of the pixels that `hits` see, for one position of `mesh`.
 
-    roughness: (H, W) map. bounces: substitutions; each adds one more inter-reflection, 0 leaves
-    indirect light out. rays: of each vertex.
+    roughness: (H, W) map, Beckmann alpha. bounces: substitutions, each one more inter-reflection;
+    0 leaves indirect light out. rays: of each vertex. emitting: (N,) indices of the vertices that
+    send light to those that the camera sees, emitters: these as shading points. world: (V, 3)
+    vertices, cm. to_pixels: sparse (P, V), interpolation at the hits.
     """
 
     def __init__(
         self,
         mesh: Mesh,
         camera: Camera,
-        hits: Hits,
+        hits: CameraHits,
         roughness: np.ndarray,
         bounces: int = 3,
         rays: int = 256,
@@ -212,15 +214,15 @@ class Bounce:
         self.world = mesh.vertices.numpy().T
         normal = mi.Vector3f(mesh.normals)
         alpha = device(mi.Float, sample_map(roughness, camera, self.world))
-        self.points = Points(mi.Point3f(mesh.vertices), normal, normal, normal, alpha)
+        self.points = ShadingPoints(mi.Point3f(mesh.vertices), normal, normal, normal, alpha)
         every = mesh.camera_hits(camera)
         seen = np.unique(mesh.triangles.numpy().T[every.triangle.numpy()])
-        self.factors = form_factors(mesh, self.points, seen, rays)
-        lit = np.union1d(seen, self.factors.diffuse.indices % len(self.world))
+        self.form_factors = form_factors(mesh, self.points, seen, rays)
+        emitting = np.union1d(seen, self.form_factors.diffuse.indices % len(self.world))
         # Neighbours in the image next to each other: rays in packets that stay together.
-        order = np.lexsort(np.round(camera.project(self.world[lit]) / 8).T)
-        self.lit = lit[order]
-        self.emitters = self.points.gather(device(mi.UInt32, self.lit))
+        order = np.lexsort(np.round(camera.project(self.world[emitting]) / 8).T)
+        self.emitting = emitting[order]
+        self.emitters = self.points.gather(device(mi.UInt32, self.emitting))
         corner, weight = surface_weights(camera, hits, mesh.vertices, mesh.triangles)
         shape = (self.pixels, len(self.world))
         ends = np.arange(self.pixels + 1) * 3
@@ -228,36 +230,40 @@ class Bounce:
             (weight.numpy().T.ravel(), corner.numpy().T.ravel(), ends), shape=shape
         )
 
-    def under(self, directions: Directions) -> BounceUnder:
-        """The same, with the vertices' visibility traced for the cells of `directions`."""
+    def under(self, quadrature: Quadrature) -> IndirectLight:
+        """Trace which cells of `quadrature` the vertices see."""
         if not self.bounces:
-            return BounceUnder(self, directions, None)
-        bits = visibility(self.scene, self.emitters, directions, self.emitters.horizon)
-        return BounceUnder(self, directions, bits)
+            return IndirectLight(self, quadrature, None)
+        bits = visibility(self.scene, self.emitters, quadrature, self.emitters.horizon)
+        return IndirectLight(self, quadrature, bits)
 
 
 @dataclass(frozen=True)
-class BounceUnder:
-    """A Bounce and the quadrature its direct light is summed with."""
+class IndirectLight:
+    """Inter-reflection under a light that is summed over `quadrature`.
 
-    bounce: Bounce
-    directions: Directions
+    bits: mi.UInt32, visibility of the D cells from the vertices that emit (visibility.trace); None
+    without bounces.
+    """
+
+    interreflection: Interreflection
+    quadrature: Quadrature
     bits: Any
 
-    def gloss(self, radiance: np.ndarray) -> Gloss:
+    def specular_transfer(self, radiance: np.ndarray) -> SpecularTransfer:
         """The light's highlights as the face sees them on itself; radiance: (D,) or (D, 3)."""
-        bounce, flux = self.bounce, self.directions.flux(radiance)
-        paths = bounce.factors.paths if bounce.bounces else None
+        reflecting, flux = self.interreflection, self.quadrature.flux(radiance)
+        paths = reflecting.form_factors.paths if reflecting.bounces else None
         if paths is None:
-            return Gloss([], [], flux)
-        vertices, emitters = len(bounce.world), bounce.lit
+            return SpecularTransfer([], [], flux)
+        vertices, emitters = len(reflecting.world), reflecting.emitting
         row = np.zeros(vertices, dtype=np.uint32)
         row[emitters] = np.arange(len(emitters))
         lobe = lobe_towards(
             paths.towards,
             paths.normal,
             paths.roughness,
-            self.directions,
+            self.quadrature,
             (self.bits, len(emitters), device(mi.UInt32, row[paths.emitter])),
             radiance,
         )
@@ -267,35 +273,35 @@ class BounceUnder:
             [sparse.csr_matrix((share * channel, index), shape=shape) for channel in channels]
             for share in (paths.to_e, paths.to_s)
         )
-        return Gloss(e, s, flux)
+        return SpecularTransfer(e, s, flux)
 
     def shade(
-        self, radiance: np.ndarray, maps: Maps, gloss: Gloss | None = None
+        self, radiance: np.ndarray, maps: Maps, specular: SpecularTransfer | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Indirect E and S, (P, 3) float32 each, to be added to the direct shading.
 
-        radiance: (D,) or (D, 3) cell means. gloss: of a light much like it; made anew by default.
+        radiance: (D,) or (D, 3) cell means. specular: of a light much like it; None makes it anew.
         """
-        bounce = self.bounce
-        if not bounce.bounces:
-            zero = np.zeros((bounce.pixels, 3), dtype=np.float32)
+        reflecting = self.interreflection
+        if not reflecting.bounces:
+            zero = np.zeros((reflecting.pixels, 3), dtype=np.float32)
             return zero, zero
-        direct, _ = shade(bounce.emitters, self.directions, self.bits, radiance)
-        rows = direct.numpy().T.reshape(len(bounce.lit), -1)
-        light = np.zeros((len(bounce.world), rows.shape[1]), dtype=np.float32)
-        light[bounce.lit] = rows
-        rho_d = sample_map(maps.diffuse_albedo, bounce.camera, bounce.world)
-        rho_s = sample_map(maps.specular_albedo, bounce.camera, bounce.world)[:, None]
-        gloss = gloss or self.gloss(radiance)
-        gloss_e, gloss_s = gloss.under(self.directions.flux(radiance), rho_s)
+        direct, _ = shade(reflecting.emitters, self.quadrature, self.bits, radiance)
+        rows = direct.numpy().T.reshape(len(reflecting.emitting), -1)
+        light = np.zeros((len(reflecting.world), rows.shape[1]), dtype=np.float32)
+        light[reflecting.emitting] = rows
+        rho_d = sample_map(maps.diffuse_albedo, reflecting.camera, reflecting.world)
+        rho_s = sample_map(maps.specular_albedo, reflecting.camera, reflecting.world)[:, None]
+        specular = specular or self.specular_transfer(radiance)
+        specular_e, specular_s = specular.under(self.quadrature.flux(radiance), rho_s)
         indirect = np.zeros_like(rho_d)
 
         def outgoing() -> np.ndarray:
             return np.concatenate([rho_d * (light + indirect), rho_s * indirect])
 
-        factors = bounce.factors
-        for _ in range(bounce.bounces - 1):
-            indirect = factors.diffuse @ outgoing() + gloss_e
-        e = bounce.to_pixels @ (factors.diffuse @ outgoing() + gloss_e)
-        s = bounce.to_pixels @ (factors.specular @ outgoing() + gloss_s)
+        factors = reflecting.form_factors
+        for _ in range(reflecting.bounces - 1):
+            indirect = factors.diffuse @ outgoing() + specular_e
+        e = reflecting.to_pixels @ (factors.diffuse @ outgoing() + specular_e)
+        s = reflecting.to_pixels @ (factors.specular @ outgoing() + specular_s)
         return e.astype(np.float32), s.astype(np.float32)
