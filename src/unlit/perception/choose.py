@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from ..errors import FaceError
-from .landmarks import Face
+from .landmarks import DetectedFace
 
 
-def choose(faces: list[Face], which: str | int, source: str) -> Face:
+def choose(faces: list[DetectedFace], which: str | int, source: str) -> DetectedFace:
     """The face that was asked for. Raises FaceError naming the photo and the remedy."""
     if not faces:
         raise FaceError(

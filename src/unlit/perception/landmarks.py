@@ -32,7 +32,7 @@ _TURNS = np.radians([0, -30, 30, -60, 60])
 
 
 @dataclass(frozen=True)
-class Face:
+class DetectedFace:
     """One face of a photo.
 
     landmarks: (478, 3) float32, photo pixels (image frame of `scene/camera.py`); z in the same
@@ -48,7 +48,7 @@ class Face:
     box: Box
 
 
-def find_faces(rgb: np.ndarray) -> list[Face]:
+def find_faces(rgb: np.ndarray) -> list[DetectedFace]:
     """All faces of a photo, largest first; an empty list where there is none.
 
     rgb: (H, W, 3) uint8, encoded sRGB, heads rolled by up to 60 degrees. Faces are found from about
@@ -62,7 +62,7 @@ def find_faces(rgb: np.ndarray) -> list[Face]:
             "(H, W, 3) uint8 sRGB; convert it first"
         )
     pyramid = Pyramid(rgb)
-    faces: list[Face] = []
+    faces: list[DetectedFace] = []
     for candidates in detections(pyramid):
         for square, _ in candidates:
             face = _read_face(pyramid, square)
@@ -73,7 +73,7 @@ def find_faces(rgb: np.ndarray) -> list[Face]:
     return sorted(faces, key=_area, reverse=True)
 
 
-def _read_face(pyramid: Pyramid, detected: Square) -> Face | None:
+def _read_face(pyramid: Pyramid, detected: Square) -> DetectedFace | None:
     for turn in _TURNS:
         roi = replace(detected, side=detected.side * _MARGIN, angle=detected.angle + turn)
         landmarks, score = _run_landmarks(pyramid, roi)
@@ -90,7 +90,7 @@ def _read_face(pyramid: Pyramid, detected: Square) -> Face | None:
     blendshapes = dict(zip(BLENDSHAPE_NAMES, map(float, scores.ravel()), strict=True))
     left, top = landmarks[:, :2].min(axis=0)
     right, bottom = landmarks[:, :2].max(axis=0)
-    return Face(
+    return DetectedFace(
         landmarks.astype(np.float32),
         blendshapes,
         score,
@@ -118,12 +118,12 @@ def _region(landmarks: np.ndarray) -> Square:
     return Square(x, y, float((high - low).max()) * _MARGIN, level.angle)
 
 
-def _area(face: Face) -> float:
+def _area(face: DetectedFace) -> float:
     left, top, right, bottom = face.box
     return (right - left) * (bottom - top)
 
 
-def _same(one: Face, other: Face) -> bool:
+def _same(one: DetectedFace, other: DetectedFace) -> bool:
     """Whether either face's centre lies in the other's box: the detector also fires on features
     of a large face, such as its nose and mouth alone."""
     return _centre_inside(one.box, other.box) or _centre_inside(other.box, one.box)

@@ -6,11 +6,11 @@ import pytest
 from unlit.cli import main
 from unlit.errors import FaceError
 from unlit.perception.choose import choose
-from unlit.perception.landmarks import Face
+from unlit.perception.landmarks import DetectedFace
 
 
-def face(left: float, size: float) -> Face:
-    return Face(np.zeros((478, 3), np.float32), {}, 1.0, (left, 10, left + size, 10 + size))
+def face(left: float, size: float) -> DetectedFace:
+    return DetectedFace(np.zeros((478, 3), np.float32), {}, 1.0, (left, 10, left + size, 10 + size))
 
 
 #: From large to small, as they are found; the second stands left, the third right.

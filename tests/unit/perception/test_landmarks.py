@@ -12,7 +12,7 @@ from skimage import data
 
 from unlit.errors import FaceError
 from unlit.perception import landmarks as module
-from unlit.perception.landmarks import Face, find_faces
+from unlit.perception.landmarks import DetectedFace, find_faces
 from unlit.perception.networks import BLENDSHAPES, network
 from unlit.perception.topology import BLENDSHAPE_LANDMARKS, BLENDSHAPE_NAMES
 from unlit.perception.views import Pyramid, Square
@@ -24,7 +24,7 @@ def astronaut() -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def face(astronaut: np.ndarray) -> Face:
+def face(astronaut: np.ndarray) -> DetectedFace:
     (face,) = find_faces(astronaut)
     return face
 
@@ -73,7 +73,7 @@ def test_blendshapes_agree_with_mediapipe(reference: dict) -> None:
         assert score == pytest.approx(reference["blendshapes"][name], abs=2e-3), name
 
 
-def test_whole_run_is_near_mediapipe(face: Face, reference: dict) -> None:
+def test_whole_run_is_near_mediapipe(face: DetectedFace, reference: dict) -> None:
     """The refined landmarks stay within a pixel of MediaPipe's single pass (106 px face)."""
     expected = np.add(reference["landmarks"], (0.5, 0.5, 0))
     assert face.landmarks.shape == (478, 3)
@@ -87,7 +87,7 @@ def test_whole_run_is_near_mediapipe(face: Face, reference: dict) -> None:
     assert top < face.landmarks[4, 1] < bottom
 
 
-def test_is_deterministic(astronaut: np.ndarray, face: Face) -> None:
+def test_is_deterministic(astronaut: np.ndarray, face: DetectedFace) -> None:
     """Two runs are bit-identical, on which the identical maps of two runs rest."""
     (again,) = find_faces(astronaut)
     assert np.array_equal(again.landmarks, face.landmarks)
@@ -95,7 +95,7 @@ def test_is_deterministic(astronaut: np.ndarray, face: Face) -> None:
 
 
 @pytest.mark.parametrize("angle", [-60, 45, 60])
-def test_rolled_head(astronaut: np.ndarray, face: Face, angle: float) -> None:
+def test_rolled_head(astronaut: np.ndarray, face: DetectedFace, angle: float) -> None:
     """Landmarks turn with the photo."""
     turned, matrix = warp(astronaut, angle)
     (found,) = find_faces(turned)
@@ -104,7 +104,7 @@ def test_rolled_head(astronaut: np.ndarray, face: Face, angle: float) -> None:
 
 
 @pytest.mark.parametrize("height", [50, 80])
-def test_small_face(astronaut: np.ndarray, face: Face, height: int) -> None:
+def test_small_face(astronaut: np.ndarray, face: DetectedFace, height: int) -> None:
     """A face of 50 or 80 px in 1000, too small for the detector at once, is found by its tiles."""
     _, top, _, bottom = face.box
     scale = height / (bottom - top)
@@ -137,7 +137,7 @@ def test_noise_has_no_face(blur: float) -> None:
     assert find_faces(noise) == []
 
 
-def test_parts_of_a_face_are_no_faces(astronaut: np.ndarray, face: Face) -> None:
+def test_parts_of_a_face_are_no_faces(astronaut: np.ndarray, face: DetectedFace) -> None:
     """Enlarged, eyes or mouth alone can set the detector off; one face stays one face."""
     large = cv2.resize(astronaut, None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC)
     (found,) = find_faces(large[200:1000, 500:1300])
@@ -152,7 +152,7 @@ def test_wrong_array_is_named(shape: tuple[int, ...]) -> None:
         find_faces(np.zeros(shape, np.uint8))
 
 
-def test_mirrored_photo(astronaut: np.ndarray, face: Face) -> None:
+def test_mirrored_photo(astronaut: np.ndarray, face: DetectedFace) -> None:
     """Mirroring the photo mirrors the face: each landmark where its partner was, depth kept."""
     (mirrored,) = find_faces(np.ascontiguousarray(astronaut[:, ::-1]))
     pairs = np.array([(33, 263), (133, 362), (61, 291), (4, 4), (152, 152), (10, 10)])
@@ -163,7 +163,7 @@ def test_mirrored_photo(astronaut: np.ndarray, face: Face) -> None:
     assert np.abs(mirrored.landmarks[pairs[:, 0], 2] - expected[:, 2]).max() < 0.1 * width
 
 
-def test_depth_is_smaller_nearer_the_camera(face: Face) -> None:
+def test_depth_is_smaller_nearer_the_camera(face: DetectedFace) -> None:
     """The nose's tip lies before eyes, mouth and chin, the ears' sides of the face behind them."""
     depth = face.landmarks[:, 2]
     assert depth[4] < depth[[33, 263, 61, 291, 152]].min()
