@@ -32,7 +32,7 @@ from unlit.head.sources.library import default_model
 from unlit.machine.runtime import mitsuba
 from unlit.render.bounce import Bounce
 from unlit.render.reference import path_trace
-from unlit.render.relighter import composed
+from unlit.render.relighter import image_from_shading
 from unlit.render.transport import Directions, Points, shade, visibility
 from unlit.scene.cells import grid_cells, refine
 from unlit.scene.light import (
@@ -116,7 +116,9 @@ class Head:
         e, s = shade(self.points, directions, bits, radiance)
         bounce = Bounce(self.mesh, self.camera, self.hits, maps.roughness, bounces)
         more_e, more_s = bounce.under(directions).shade(radiance, maps)
-        return composed(maps, self.pixel, e.numpy()[:, None] + more_e, s.numpy()[:, None] + more_s)
+        return image_from_shading(
+            maps, self.pixel, e.numpy()[:, None] + more_e, s.numpy()[:, None] + more_s
+        )
 
 
 def main() -> None:

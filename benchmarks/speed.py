@@ -30,7 +30,7 @@ from unlit.machine.runtime import mitsuba
 from unlit.optimize.problem import Evidence, Problem
 from unlit.optimize.stages import run_stages
 from unlit.render.reference import mesh_body
-from unlit.render.relighter import composed
+from unlit.render.relighter import image_from_shading
 from unlit.render.transport import Directions, Points, shade, visibility
 from unlit.scene.arrays import device
 from unlit.scene.camera import Camera
@@ -59,7 +59,7 @@ def evidence(vertices: np.ndarray, triangles: np.ndarray, camera: Camera, maps: 
     bits = visibility(mesh.scene, points, directions)
     radiance = cells.average(light.rasterize())
     e, s = (x.numpy()[:, None] for x in shade(points, directions, bits, radiance))
-    image = composed(maps, pixel, e, s)
+    image = image_from_shading(maps, pixel, e, s)
     model = default_model()
     marks = model.landmarks(vertices)
     known = model.landmark_points.triangle >= 0

@@ -10,7 +10,7 @@ from bumpy_head import View, ball, bumpy_head, camera, filtered, painted, view
 from unlit.machine.runtime import mitsuba
 from unlit.render.bounce import Bounce, sample_map, sphere_directions
 from unlit.render.reference import path_trace
-from unlit.render.relighter import composed
+from unlit.render.relighter import image_from_shading
 from unlit.render.transport import Directions, shade, visibility
 from unlit.scene.cells import grid_cells, refine
 from unlit.scene.light import disc, flash, uniform
@@ -38,7 +38,7 @@ def rendered(scene: View, maps: Maps, environment: np.ndarray, bounces: int) -> 
         bounce = Bounce(scene.mesh, scene.camera, scene.hits, maps.roughness, bounces)
         more_e, more_s = bounce.under(directions).shade(radiance, maps)
         e, s = e + more_e, s + more_s
-    return composed(maps, scene.pixel, e, s)
+    return image_from_shading(maps, scene.pixel, e, s)
 
 
 def test_sphere_directions() -> None:
