@@ -42,9 +42,9 @@ from threadpoolctl import threadpool_limits
 from unlit.color import encode_srgb
 from unlit.evaluate.command import light
 from unlit.evaluate.metrics import best_gain
-from unlit.evaluate.protocol import Known, Light, Shot, Study
+from unlit.evaluate.protocol import KnownSubject, NamedLight, Shot, Study
 from unlit.evaluate.psnr import psnr
-from unlit.evaluate.store import Store
+from unlit.evaluate.step_cache import StepCache
 from unlit.evaluate.subject import visible_surface
 from unlit.evaluate.table import Table, markdown
 from unlit.face.conditions import Conditions
@@ -92,7 +92,7 @@ _OWN_POUT = {"mouthPucker": 0.5, "browDownLeft": 0.5, "browDownRight": 0.5}
 class Person:
     """A head to be fitted: how to make it at a size, its turn, degrees, and which half it is of."""
 
-    make: Callable[[int], Known]
+    make: Callable[[int], KnownSubject]
     yaw: float
     tuned: bool
 
@@ -165,7 +165,7 @@ def cases(
     known = tuple(named(x) for x in ("uniform", *(x for x in lights if x != "uniform")))
     content = key(name, size, vertices, triangles, *vars(subject.truth).values())
     study = Study(
-        *(subject, content, known, replace(PRESETS["draft"], resolution=size), Store(steps)),
+        *(subject, content, known, replace(PRESETS["draft"], resolution=size), StepCache(steps)),
         samples=64,
         seed=seed,
     )
@@ -180,12 +180,12 @@ def cases(
     ]
 
 
-def named(name: str) -> Light:
+def named(name: str) -> NamedLight:
     """A light by name; `sky` is a photographed one."""
     return replace(light(str(SKY)), name=name) if name == "sky" else light(name)
 
 
-def _observed(name: str, shot: Shot, subject: Known) -> FacePhoto:
+def _observed(name: str, shot: Shot, subject: KnownSubject) -> FacePhoto:
     photo = np.rint(255 * np.clip(encode_srgb(shot.image), 0, 1)).astype(np.uint8)
     return observe(Photo.of(photo, name), shot.image.shape[0], "largest", camera=subject.camera)
 

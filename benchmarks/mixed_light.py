@@ -25,7 +25,7 @@ from subjects import SHARED, standard
 import unlit
 from unlit.evaluate.command import light
 from unlit.evaluate.metrics import angle, best_gain
-from unlit.evaluate.protocol import Known
+from unlit.evaluate.protocol import KnownSubject
 from unlit.evaluate.psnr import psnr
 from unlit.evaluate.table import Table, markdown
 from unlit.face.conditions import Conditions
@@ -43,7 +43,7 @@ from unlit.storage.pictures import read_picture
 SIZE = 256
 SETTINGS = replace(PRESETS["draft"], resolution=SIZE)
 WHITE = {name: light(name).environment for name in ("flash", "uniform")}
-_EXPOSED = 0.8
+_EXPOSURE = 0.8
 
 
 def two_lamps() -> np.ndarray:
@@ -70,11 +70,11 @@ def lights() -> dict[str, Callable[[], np.ndarray]]:
     return found
 
 
-def photograph(subject: Known, environment: np.ndarray) -> np.ndarray:
+def photograph(subject: KnownSubject, environment: np.ndarray) -> np.ndarray:
     """(H, W, 3) linear, under a light of any colours."""
     channels = [np.ascontiguousarray(environment[..., c]) for c in range(3)]
     image = np.stack([subject.photograph(e, 128)[..., c] for c, e in enumerate(channels)], axis=2)
-    return image * np.float32(_EXPOSED / np.percentile(image[subject.truth.seen], 99))
+    return image * np.float32(_EXPOSURE / np.percentile(image[subject.truth.seen], 99))
 
 
 Way = tuple[np.ndarray, dict[str, np.ndarray]]  # albedo; the face by white light
@@ -120,7 +120,7 @@ def _angle(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
     return angle(a, b, mask)
 
 
-def rows(name: str, subject: Known) -> list[tuple[str, ...]]:
+def rows(name: str, subject: KnownSubject) -> list[tuple[str, ...]]:
     """The table's lines of one subject."""
     truth = subject.truth
     by_white = {x: subject.photograph(e, 128) for x, e in WHITE.items()}

@@ -32,7 +32,7 @@ from unlit.head.sources.library import default_model
 from unlit.machine.runtime import mitsuba
 from unlit.render.interreflection import Interreflection
 from unlit.render.reference import path_trace
-from unlit.render.relighter import composed
+from unlit.render.relighter import image_from_shading
 from unlit.render.transport import Quadrature, ShadingPoints, shade, visibility
 from unlit.scene.cells import grid_cells, refine
 from unlit.scene.light import (
@@ -118,7 +118,9 @@ class Head:
             self.mesh, self.camera, self.hits, maps.roughness, bounces
         )
         more_e, more_s = interreflection.under(quadrature).shade(radiance, maps)
-        return composed(maps, self.pixel, e.numpy()[:, None] + more_e, s.numpy()[:, None] + more_s)
+        return image_from_shading(
+            maps, self.pixel, e.numpy()[:, None] + more_e, s.numpy()[:, None] + more_s
+        )
 
 
 def main() -> None:

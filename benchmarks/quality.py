@@ -34,8 +34,8 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 # isort: split
 from unlit.evaluate.command import LIGHTS, light
 from unlit.evaluate.metrics import check_packages
-from unlit.evaluate.protocol import Row, Study
-from unlit.evaluate.store import Store
+from unlit.evaluate.protocol import ShotResult, Study
+from unlit.evaluate.step_cache import StepCache
 from unlit.evaluate.table import Table, markdown
 from unlit.settings.settings import PRESETS
 from unlit.storage.keys import key
@@ -45,7 +45,7 @@ REFERENCE = Path(__file__).with_name("quality_reference.json")
 TOLERANCE = 0.5
 
 
-def figures(name: str, preset: str, rows: list[Row]) -> Iterator[tuple[str, float]]:
+def figures(name: str, preset: str, rows: list[ShotResult]) -> Iterator[tuple[str, float]]:
     """Key and PSNR of every cell and every albedo."""
     for row in rows:
         start = f"{preset}/{name}/{row.light}"
@@ -54,7 +54,7 @@ def figures(name: str, preset: str, rows: list[Row]) -> Iterator[tuple[str, floa
         yield f"{start}/albedo", round(row.maps["albedo_psnr"], 2)
 
 
-def table(results: dict[str, list[Row]], lights: list[str]) -> Table:
+def table(results: dict[str, list[ShotResult]], lights: list[str]) -> Table:
     """One line per subject and input."""
     body = []
     for name, rows in results.items():
@@ -114,7 +114,7 @@ def main() -> int:
     chosen = options.subjects.split(",") if options.subjects else chosen
     if unknown := set(chosen) - set(subjects):
         parser.error(f"no such subject here: {', '.join(sorted(unknown))}")
-    results: dict[str, list[Row]] = {}
+    results: dict[str, list[ShotResult]] = {}
     baseline = []
     with tempfile.TemporaryDirectory() as temporary:
         for name in chosen:
@@ -127,7 +127,7 @@ def main() -> int:
                 content,
                 tuple(light(x) for x in lights),
                 settings,
-                Store((options.steps or Path(temporary)) / name),
+                StepCache((options.steps or Path(temporary)) / name),
                 options.samples,
                 true_mesh=options.true_mesh,
             )

@@ -26,8 +26,8 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 # isort: split
 from unlit.evaluate.command import light
 from unlit.evaluate.metrics import check_packages
-from unlit.evaluate.protocol import Row, Shot, Study
-from unlit.evaluate.store import Store
+from unlit.evaluate.protocol import Shot, ShotResult, Study
+from unlit.evaluate.step_cache import StepCache
 from unlit.evaluate.subject import SKINS
 from unlit.evaluate.table import Table, markdown
 from unlit.settings.settings import PRESETS
@@ -43,7 +43,7 @@ def study(skin: str, steps: Path, true_mesh: bool, samples: int) -> Study:
     content = key(skin, *subject.mesh(), *vars(subject.truth).values())
     settings = replace(PRESETS["draft"], resolution=SIZE)
     lights = tuple(light(name) for name in LIGHTS)
-    store = Store(steps / skin)
+    store = StepCache(steps / skin)
     return Study(subject, content, lights, settings, store, samples, true_mesh=true_mesh)
 
 
@@ -53,7 +53,7 @@ def in_light_of(shot: Shot, other: Shot) -> Shot:
     return Shot(other.light, shot.image * gain)
 
 
-def table(results: dict[str, list[Row]]) -> Table:
+def table(results: dict[str, list[ShotResult]]) -> Table:
     """One line an input light: mean over the lights it is relit by, and albedo, of each skin."""
     body = []
     for rows in zip(*results.values(), strict=True):

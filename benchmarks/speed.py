@@ -32,7 +32,7 @@ from unlit.optimize.observation import Observation
 from unlit.optimize.problem import Problem
 from unlit.optimize.stages import run_stages
 from unlit.render.reference import mesh_body
-from unlit.render.relighter import composed
+from unlit.render.relighter import image_from_shading
 from unlit.render.transport import Quadrature, ShadingPoints, shade, visibility
 from unlit.scene.arrays import device
 from unlit.scene.camera import Camera
@@ -65,7 +65,7 @@ def observed(
     bits = visibility(mesh.scene, points, quadrature)
     radiance = cells.average(light.rasterize())
     e, s = (x.numpy()[:, None] for x in shade(points, quadrature, bits, radiance))
-    image = composed(maps, pixel, e, s)
+    image = image_from_shading(maps, pixel, e, s)
     model = default_model()
     marks = model.landmarks(vertices)
     known = model.landmark_points.triangle >= 0

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is loaded
 
 # isort: split
-from unlit.evaluate.protocol import Known
+from unlit.evaluate.protocol import KnownSubject
 from unlit.evaluate.scan import Scan
 from unlit.evaluate.subject import Features, Subject, paint
 from unlit.evaluate.subject_file import read_subject
@@ -107,9 +107,9 @@ def lee_perry_smith(size: int, yaw: float = 0.0) -> Scan:
         return read_subject(file, size)
 
 
-def standard(size: int) -> dict[str, Callable[[], Known]]:
+def standard(size: int) -> dict[str, Callable[[], KnownSubject]]:
     """By name, how to make each subject that this machine can make."""
-    found: dict[str, Callable[[], Known]] = {
+    found: dict[str, Callable[[], KnownSubject]] = {
         "own-light": lambda: own("light", 11, size),
         "own-dark": lambda: own("dark", 13, size),
     }

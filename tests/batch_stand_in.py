@@ -33,7 +33,7 @@ def install(log: Path, seconds: float = 0.0, patch: Any = None) -> None:
         with log.open("a") as file:
             file.write(f"{what} {source} {os.getpid()} {time.time()}\n")
 
-    def reconstruct(photo: Photo, *, settings: Any, face: Any, progress: Any) -> Any:
+    def reconstruct(photo: Photo, *, settings: Any, face: Any, model: Any, progress: Any) -> Any:
         note("begin", photo.source)
         red, green, blue = photo.pixels[0, 0]
         if red > 0.9 and max(green, blue) < 0.1:

@@ -30,9 +30,11 @@ from unlit.output.arrays import write_arrays
 from unlit.perception.regions import Regions
 from unlit.photo.crop import Crop
 from unlit.pipeline.chain import Preview, Steps, run_chain
+from unlit.pipeline.identity import identity_of
 from unlit.scene.surface_points import SurfacePoints
 from unlit.settings.conditions import CastShadow
 from unlit.settings.settings import Settings, override
+from unlit.storage.identity import Identity
 
 SIZE = 32
 
@@ -87,6 +89,11 @@ def steps(
     return Steps(lambda _: known[0], lambda *_: known[1], lambda *_: known[2])
 
 
+def identity(name: str, chosen: Settings | None = None) -> Identity:
+    """Whose result it is."""
+    return identity_of(name, name, chosen or settings(), "", "only")
+
+
 def run(
     checkpoint: Checkpoint | None = None,
     chosen: Settings | None = None,
@@ -97,7 +104,7 @@ def run(
     """The result; the state is kept in `checkpoint`."""
     chosen = chosen or settings()
     if checkpoint is not None:
-        checkpoint.belongs_to((name, name), chosen, {"face": "only"})
+        checkpoint.belongs_to(identity(name, chosen))
     return run_chain(known or steps(), chosen, record(), checkpoint, preview)
 
 

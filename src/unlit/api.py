@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,8 +20,9 @@ from .output.montage import montage, montage_png
 from .output.save import save as save_files
 from .pipeline import chain
 from .pipeline import resume as resuming
+from .progress.callbacks import StepProgress, silent
 from .progress.console import RunConsole, StepConsole
-from .relighting.lights import named
+from .relighting.lights import environment_map
 from .render.relighter import Relighter
 from .scene.light import SphericalGaussians
 from .settings.settings import PRESETS, Settings, override
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from .photo.photo import Photo
 
 #: What a light may be: a map (H, W) or (H, W, 3) of radiance, lobes, or a name or file.
-Light = np.ndarray | SphericalGaussians | str | Path
+AnyLight = np.ndarray | SphericalGaussians | str | Path
 
 
 class Result(Reconstruction):
@@ -43,7 +44,7 @@ class Result(Reconstruction):
     (256, 256, 3)
     """
 
-    def relight(self, light: Light) -> np.ndarray:
+    def relight(self, light: AnyLight) -> np.ndarray:
         """See `unlit.relight`."""
         return relight(self, light)
 
@@ -94,7 +95,7 @@ def reconstruct(
     """
     chosen = override(_preset(preset), dict(settings or {}))
     plan = cost.plan(chosen.resolution, chosen.iterations(), cost.cores())
-    with RunConsole(plan) if progress else nullcontext(_silent) as console:
+    with RunConsole(plan) if progress else nullcontext(silent) as console:
         made = chain.reconstruct(
             photo, settings=chosen, face=face, model=model, mask=mask, progress=console
         )
@@ -118,15 +119,15 @@ def resume(
     """
     chosen = override(result.settings, dict(settings or {}))
     plan = cost.plan(chosen.resolution, chosen.iterations(stage - 1), cost.cores())
-    with RunConsole(plan) if progress else nullcontext(_silent) as console:
+    with RunConsole(plan) if progress else nullcontext(silent) as console:
         return _result(resuming.resume(result, stage, chosen, console))
 
 
-def relight(result: Reconstruction, light: Light) -> np.ndarray:
+def relight(result: Reconstruction, light: AnyLight) -> np.ndarray:
     """The face under another light: (S, S, 3) float32 linear sRGB, 0 outside the mask.
 
     light: radiance as a latitude-longitude map (H, W) or (H, W, 3) in the world frame of
-    scene/camera.py, spherical Gaussians, or what `unlit.lights.named` reads: "flash",
+    scene/camera.py, spherical Gaussians, or what `unlit.lights.environment_map` reads: "flash",
     "uniform", "side", "sun:AZIMUTH,ELEVATION", or an .hdr or .exr file. Deterministic, with
     self-shadowing and inter-reflection. Raises SettingsError or PictureError.
 
@@ -134,7 +135,7 @@ def relight(result: Reconstruction, light: Light) -> np.ndarray:
     (256, 256, 3)
     """
     if isinstance(light, str | Path):
-        light = named(str(light))
+        light = environment_map(str(light))
     return Relighter(result.face)(light)
 
 
@@ -176,7 +177,7 @@ def export(
     True
     """
     source = Path(folder)
-    report: Callable[[str, int, int], None] = StepConsole() if progress else _quiet
+    report: StepProgress = StepConsole() if progress else silent
     return export_files(
         load_reconstruction(source), into or source / "export", source, formats, size, False, report
     )
@@ -206,7 +207,7 @@ def batch(
     require_extra()
     chosen = override(_preset(preset), dict(settings or {}))
     files = [Path(photo).resolve() for photo in photos]
-    return run_batch(files, str(folder), chosen, face, scheduler, lambda counts, rows: None)
+    return run_batch(files, str(folder), chosen, face, scheduler, silent)
 
 
 def _preset(preset: str | Settings) -> Settings:
@@ -219,11 +220,3 @@ def _preset(preset: str | Settings) -> Settings:
 
 def _result(made: Reconstruction) -> Result:
     return Result(**{field.name: getattr(made, field.name) for field in dataclasses.fields(made)})
-
-
-def _silent(step: str, iteration: int, iterations: int, loss: float) -> None:
-    """Progress that nobody wants to see."""
-
-
-def _quiet(what: str, done: int, total: int) -> None:
-    """The same, of steps."""

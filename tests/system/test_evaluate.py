@@ -10,8 +10,8 @@ import pytest
 import unlit
 from unlit.evaluate.command import LIGHTS, light, plain
 from unlit.evaluate.persons import consistency
-from unlit.evaluate.protocol import Light, Study
-from unlit.evaluate.store import Store
+from unlit.evaluate.protocol import NamedLight, Study
+from unlit.evaluate.step_cache import StepCache
 from unlit.evaluate.table import tables
 from unlit.scene.light import disc
 
@@ -37,7 +37,7 @@ def test_lee_perry_smith(shared: Path, tmp_path: Path) -> None:
     assert 160 < int(np.argmax(middle[60:220])) + 60 < 185
     assert (truth.position[truth.seen][:, 2] < -95).all()
     lights = tuple(light(name) for name in ("flash", "uniform"))
-    study = Study(subject, "lps", lights, DRAFT, Store(tmp_path / "steps"), samples=32)
+    study = Study(subject, "lps", lights, DRAFT, StepCache(tmp_path / "steps"), samples=32)
     shots = study.shots()
     (row,) = study.rows(shots, ("flash",))
     cells = {cell.light: cell.metrics["gained"]["face"] for cell in row.relit}
@@ -55,13 +55,13 @@ def test_one_person_under_six_lights(shared: Path, tmp_path: Path) -> None:
     from ict import ict_subject
 
     subject = ict_subject(shared, "light", 1, DRAFT.resolution)
-    lights = [Light(name, LIGHTS[name]()) for name in LIGHTS]
+    lights = [NamedLight(name, LIGHTS[name]()) for name in LIGHTS]
     lights += [
-        Light("left", disc((-0.7, 0.2, 0.7), half_angle=25)),
-        Light("above", disc((0.1, 0.8, 0.6), half_angle=15)),
-        Light("window", 0.3 + disc((0.8, 0.3, 0.5), half_angle=20)),
+        NamedLight("left", disc((-0.7, 0.2, 0.7), half_angle=25)),
+        NamedLight("above", disc((0.1, 0.8, 0.6), half_angle=15)),
+        NamedLight("window", 0.3 + disc((0.8, 0.3, 0.5), half_angle=20)),
     ]
-    store = Store(tmp_path / "steps")
+    store = StepCache(tmp_path / "steps")
     study = Study(subject, "ict", tuple(lights), DRAFT, store, samples=32)
     found = consistency([study.face(shot) for shot in study.shots()])
     assert found["albedo_psnr"] > found["photo_psnr"] + 8

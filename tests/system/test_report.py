@@ -20,7 +20,7 @@ from changed import changed
 from report_head import report_head
 from unlit.color import encode_srgb
 from unlit.output.atlas import bake
-from unlit.relighting.lights import exposed, named
+from unlit.relighting.lights import environment_map, with_unit_irradiance
 from unlit.render.relighter import Relighter
 from unlit.report.bundle import program
 from unlit.report.page import report_html
@@ -208,7 +208,8 @@ def test_an_hdri_is_as_strong_as_for_relight(view: Open, face: Any, tmp_path: Pa
     cv2.imwrite(str(path), sky)
     view.page.set_input_files("#light-file", path)
     view.page.locator("#view-state", has_text="Lit by sky").wait_for()
-    wanted = Relighter(face.face)(exposed(named(str(path)), path.name))
+    light = with_unit_irradiance(environment_map(str(path)), path.name)
+    wanted = Relighter(face.face)(light)
     error = (view.picture() - np.clip(encode_srgb(wanted), 0, 1))[face.face.mask > 0]
     assert -10 * np.log10(np.mean(error**2)) > 27
     view.set("light", "photo")

@@ -22,7 +22,7 @@ from ..errors import MachineError
 from ..machine import cost as footprint
 
 #: A photo that as many workers died of is given up.
-_DEATHS = 2
+_MAX_DEATHS = 2
 _CONNECT_SECONDS = 20
 
 
@@ -51,7 +51,7 @@ def connected(
         if scheduler is None:
             cluster = stack.enter_context(_local_cluster(jobs, resolution, memory))
             client = stack.enter_context(Client(cluster))
-            client.register_plugin(_DeafToCtrlC())
+            client.register_plugin(_IgnoreInterrupts())
         else:
             client = stack.enter_context(_client(scheduler))
         yield client
@@ -71,7 +71,7 @@ def _client(scheduler: str) -> Client:
 def _local_cluster(jobs: int, resolution: int, memory: float | None) -> LocalCluster:
     free = min(MEMORY_LIMIT, psutil.virtual_memory().available, memory or float("inf"))
     workers, threads = workers_and_threads(CPU_COUNT, free, jobs, resolution)
-    with dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS - 1}):
+    with dask.config.set({"distributed.scheduler.allowed-failures": _MAX_DEATHS - 1}):
         return LocalCluster(
             n_workers=workers,
             threads_per_worker=threads,
@@ -85,7 +85,7 @@ def _local_cluster(jobs: int, resolution: int, memory: float | None) -> LocalClu
         )
 
 
-class _DeafToCtrlC(WorkerPlugin):
+class _IgnoreInterrupts(WorkerPlugin):
     """A terminal sends Ctrl-C to every process; only the one that leads the batch acts on it."""
 
     def setup(self, worker: Worker) -> None:

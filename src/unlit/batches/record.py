@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
 from dataclasses import dataclass, field
-from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
-from ..head.files import DEFAULT, model_file
+import msgspec
+
+from ..storage.identity import Identity
 
 #: Version of the file.
 FORMAT = 1
 
 
 @dataclass(frozen=True)
-class Row:
+class BatchRow:
     """One result, or why there is none: a line of the summary table.
 
     photo: its path. folder: of the result, below the batch's; "" for a photo that failed.
@@ -39,15 +38,18 @@ class Row:
 
 @dataclass(frozen=True)
 class Record:
-    """The rows of a photo (one per face), and the key of what they were made from."""
+    """The rows of a photo (one per face), and what they were made from.
+
+    identity: None where the photo or the head model could not be read.
+    """
 
     photo: str
-    key: str
-    rows: list[Row]
+    identity: Identity | None
+    rows: list[BatchRow]
 
-    def results(self, key: str) -> dict[str, Row]:
-        """The results made from what `key` stands for, by their folders."""
-        rows = self.rows if self.key == key != "" else []
+    def results(self, identity: Identity | None) -> dict[str, BatchRow]:
+        """The results made from that, by their folders."""
+        rows = self.rows if self.identity == identity is not None else []
         return {row.folder: row for row in rows if not row.error}
 
     def encode(self) -> bytes:
@@ -63,28 +65,11 @@ class Record:
             rows = [_row(row) for row in values["rows"]]
             if values["format"] != FORMAT or not rows:
                 return None
-            return Record(_of(str, values["photo"]), _of(str, values["key"]), rows)
+            made_from = values["identity"]
+            identity = None if made_from is None else msgspec.convert(made_from, Identity)
+            return Record(_of(str, values["photo"]), identity, rows)
         except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
             return None
-
-
-def content_key(photo: Path, settings: dict[str, Any], face: str | int) -> str:
-    """Changes with what a result is made from: photo, settings, head, face, unlit's version.
-
-    "" for a photo or head model that cannot be read, of which there is no result.
-    """
-    model = model_file(str(settings.get("head_model", DEFAULT)))
-    contents = []
-    try:
-        for path in (photo, *([model] if model else [])):
-            if not path.is_file():  # a pipe would never end
-                return ""
-            with path.open("rb") as file:
-                contents.append(hashlib.file_digest(file, "sha256").hexdigest())
-    except (OSError, ValueError):
-        return ""
-    parts = [*contents, settings, face, version("unlit")]
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 def readable(text: str) -> str:
@@ -92,8 +77,8 @@ def readable(text: str) -> str:
     return "".join(char if char.isprintable() else "\N{REPLACEMENT CHARACTER}" for char in text)
 
 
-def _row(values: dict[str, Any]) -> Row:
-    return Row(
+def _row(values: dict[str, Any]) -> BatchRow:
+    return BatchRow(
         photo=_of(str, values["photo"]),
         folder=_of(str, values["folder"]),
         error=_of(str, values["error"]),

@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 
 import distributed
 from distributed import CancelledError, Client, Future, KilledWorker
 
 from ..errors import MachineError, UnlitError
 from ..settings.settings import Settings, as_dict
+from ..storage.identity import Identity
 from . import task
 from .cluster import connected
+from .folder import RECORDS, TABLES, BatchFolder
+from .identity import common_identity, with_photo
 from .photos import name_results
-from .record import Row
-from .store import RECORDS, TABLES, Store
+from .record import BatchRow, Record
 from .table import write_tables
-from .task import Job
+from .task import PhotoTask
 
 #: How often the number of workers is looked at, and how long Ctrl-C waits for files being written.
 _POLL_SECONDS = 2.0
@@ -33,7 +34,8 @@ _TABLE_SECONDS = 60.0
 @dataclass
 class Counts:
     """How far a batch is: photos in all, done before it began, done, failed; workers;
-    photos being worked on, and the seconds that the first of them has taken so far.
+    photos being worked on, and the seconds that the first of them has taken so far; photos that
+    are done again, by what their results were made from.
     """
 
     photos: int
@@ -43,6 +45,7 @@ class Counts:
     workers: int = 0
     running: int = 0
     longest: float = 0.0
+    anew: Counter[str] = field(default_factory=Counter)
 
     @property
     def finished(self) -> int:
@@ -51,13 +54,9 @@ class Counts:
 
 
 #: What is worked on, and since when (monotonic clock).
-Running = dict[Future, tuple[Job, float]]
-
-
-class Watch(Protocol):
-    """Told of every photo that is finished, with its rows, and otherwise now and then."""
-
-    def __call__(self, counts: Counts, rows: list[Row]) -> None: ...
+RunningTasks = dict[Future, tuple[PhotoTask, float]]
+#: Told of every photo that is finished, with its rows, and otherwise now and then.
+BatchWatch = Callable[[Counts, list[BatchRow]], None]
 
 
 def run_batch(
@@ -66,9 +65,9 @@ def run_batch(
     settings: Settings,
     face: str | int,
     scheduler: str | None,
-    watch: Watch,
+    watch: BatchWatch,
     memory: float | None = None,
-) -> list[Row]:
+) -> list[BatchRow]:
     """Reconstruct every photo into `folder` (a path or URL) that is not done, and sum it up.
 
     photos: absolute paths, which the workers see, too. face: as for `pipeline.reconstruct`, or
@@ -76,32 +75,32 @@ def run_batch(
     photos in order. An interruption ends the work on the photos at hand; what is done stays, and
     the next call goes on. Raises OutputError and MachineError.
     """
-    store = Store(folder)
+    store = BatchFolder(folder)
     records = store.records()
     owners = {name: record.photo for name, record in records.items()}
     names = name_results(photos, owners, (RECORDS, *TABLES))
     counts = Counts(len(photos))
-    rows: dict[str, list[Row]] = {}
-    left: deque[Job] = deque()
+    common = _common_identity(settings, face) if photos else None
+    rows: dict[str, list[BatchRow]] = {}
+    left: deque[PhotoTask] = deque()
     for photo, name in names.items():
-        job = Job(str(photo), name, store.url, as_dict(settings), face)
-        known = task.known_rows(job, store, records.get(name))
+        job = PhotoTask(str(photo), name, store.url, as_dict(settings), face)
+        known = _known_rows(job, records.get(name), common, store, counts)
         if known is None:
             left.append(job)
         else:
             rows[name], counts.before = known, counts.before + 1
         watch(counts, [])
 
-    def summed_up() -> list[Row]:
+    def summed_up() -> list[BatchRow]:
         return [row for name in names.values() for row in rows.get(name, [])]
 
     write_tables(store, summed_up())  # tells now, not after hours, if nothing can be written there
     if not left:
         return summed_up()
-    written = time.monotonic()
-    running: Running = {}
+    written, running = time.monotonic(), RunningTasks()
 
-    def keep(job: Job, new: list[Row]) -> None:
+    def keep(job: PhotoTask, new: list[BatchRow]) -> None:
         nonlocal written
         rows[job.name] = new
         if any(row.error for row in new):
@@ -117,25 +116,58 @@ def run_batch(
         with connected(scheduler, len(left), settings.resolution, memory) as client:
             _work(client, left, running, counts, watch, keep)
     finally:
-        rows |= _unseen(running, store)
+        rows |= _finished_meanwhile(running, common, store)
         write_tables(store, summed_up())
     return summed_up()
 
 
-def _unseen(running: Running, store: Store) -> dict[str, list[Row]]:
+def _known_rows(
+    job: PhotoTask,
+    record: Record | None,
+    common: Identity | None,
+    store: BatchFolder,
+    counts: Counts,
+) -> list[BatchRow] | None:
+    """The rows of a photo that is done, else None; what its result was made from is counted."""
+    if record is None or common is None:
+        return None
+    identity = with_photo(common, Path(job.photo))
+    rows = task.finished_rows(record, identity, store)
+    if record.identity and identity and (what := record.identity.difference(identity)):
+        counts.anew[what] += 1
+    return rows
+
+
+def _common_identity(settings: Settings, face: str | int) -> Identity | None:
+    """None where the head model cannot be read here; workers may have it, and know what is done."""
+    from ..head.sources.library import head_model
+
+    try:
+        return common_identity(settings, head_model(settings.head_model), face)
+    except UnlitError:
+        return None
+
+
+def _finished_meanwhile(
+    running: RunningTasks, common: Identity | None, store: BatchFolder
+) -> dict[str, list[BatchRow]]:
     """Rows of the photos in `running` that were done nevertheless when it was interrupted."""
-    jobs = [job for job, _ in running.values()]
-    found = {job.name: task.known_rows(job, store, store.record(job.name)) for job in jobs}
-    return {name: rows for name, rows in found.items() if rows is not None}
+    found = {}
+    for job, _ in running.values():
+        identity = common and with_photo(common, Path(job.photo))
+        rows = task.finished_rows(store.record(job.name), identity, store)
+        if rows is not None:
+            found[job.name] = rows
+    return found
 
 
 def _work(
     client: Client,
-    left: deque[Job],
-    running: Running,
+    left: deque[PhotoTask],
+    running: RunningTasks,
     counts: Counts,
-    watch: Watch,
-    keep: Callable[[Job, list[Row]], None],
+    watch: BatchWatch,
+    keep: Callable[[PhotoTask, list[BatchRow]], None],
 ) -> None:
     """Do the jobs in `left`, as many at a time as there are workers; `keep` gets each one's rows.
 
@@ -167,7 +199,7 @@ def _work(
                 client.run(task.idle, _GRACE_SECONDS)
 
 
-def _first_finished(running: Running) -> list[Future]:
+def _first_finished(running: RunningTasks) -> list[Future]:
     """The futures that have ended, after waiting a while for the first."""
     if not running:
         time.sleep(_POLL_SECONDS)  # for a worker to come
@@ -179,7 +211,7 @@ def _first_finished(running: Running) -> list[Future]:
     return [future for future in running if future.done()]
 
 
-def _rows(future: Future, job: Job) -> list[Row]:
+def _rows(future: Future, job: PhotoTask) -> list[BatchRow]:
     """What the task returned, or a row about why it did not. Raises CancelledError."""
     try:
         return future.result()
@@ -188,6 +220,6 @@ def _rows(future: Future, job: Job) -> list[Row]:
             f"{job.photo}: {error.allowed_failures + 1} worker processes died of it, perhaps for "
             "want of memory; use a lower resolution"
         )
-        return [Row(job.photo, error=text)]
+        return [BatchRow(job.photo, error=text)]
     except UnlitError as error:
         return [task.failure(job, error)]

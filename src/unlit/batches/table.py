@@ -9,8 +9,8 @@ import io
 import urllib.parse
 from typing import Any
 
-from .record import Row, readable
-from .store import Store
+from .folder import BatchFolder
+from .record import BatchRow, readable
 
 #: A cell that a spreadsheet would take for a formula.
 _FORMULA = ("=", "+", "-", "@")
@@ -25,7 +25,7 @@ tr.failed { background: #fdecea; }
 """
 
 
-def write_tables(store: Store, rows: list[Row]) -> None:
+def write_tables(store: BatchFolder, rows: list[BatchRow]) -> None:
     """Write the summary of `rows`, a line each. Raises OutputError."""
     lines = table(rows)
     store.write("batch.csv", as_csv(lines))
@@ -34,7 +34,7 @@ def write_tables(store: Store, rows: list[Row]) -> None:
         store.write("batch.parquet", as_parquet(lines))
 
 
-def table(rows: list[Row]) -> list[dict[str, Any]]:
+def table(rows: list[BatchRow]) -> list[dict[str, Any]]:
     """Rows with the same columns each: str, float, or None where there is no such number."""
     steps = dict.fromkeys(step for row in rows for step in row.seconds)
     stages = dict.fromkeys(stage for row in rows for stage in row.losses)

@@ -10,25 +10,29 @@ import gc
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UnlitError
-from .record import Record, Row, content_key
-from .store import RECORDS, Store
+from .folder import RECORDS, BatchFolder
+from .identity import common_identity, with_photo
+from .record import BatchRow, Record
 
 if TYPE_CHECKING:
+    from ..head.model import HeadModel
+    from ..perception.landmarks import DetectedFace
     from ..photo.photo import Photo
     from ..progress.log import Log
     from ..settings.settings import Settings
+    from ..storage.identity import Identity
 
 #: Dr.Jit has one pool of threads and one queue of kernels per process: one photo at a time.
-_ALONE = threading.Lock()
+_ONE_PHOTO = threading.Lock()
 
 
 @dataclass(frozen=True)
-class Job:
+class PhotoTask:
     """One photo to be done.
 
     photo: its path. name: of its result. store: the batch's folder or URL. settings: nested plain
@@ -46,51 +50,75 @@ class Stopped(Exception):
     """The batch was interrupted, and nobody waits for this photo any more."""
 
 
-def known_rows(job: Job, store: Store, record: Record | None) -> list[Row] | None:
-    """The rows in `record` if all that `job` asks for is done and still there, else None."""
+def finished_rows(
+    record: Record | None, identity: Identity | None, store: BatchFolder
+) -> list[BatchRow] | None:
+    """The rows in `record` if all are results made from `identity` and still there, else None."""
     if record is None:
         return None
-    done = record.results(content_key(Path(job.photo), job.settings, job.face))
+    done = record.results(identity)
     whole = len(done) == len(record.rows) and all(store.is_whole(place) for place in done)
     return record.rows if whole else None
 
 
-def run(job: Job) -> list[Row]:
+def run(job: PhotoTask) -> list[BatchRow]:
     """Do `job` unless it is done: one row per face.
 
     What is wrong with the photo, or goes wrong with it, becomes a row with the error. Raises
     OutputError only where not even that can be written.
     """
-    with _ALONE:
+    with _ONE_PHOTO:
         _take_share_of_cores()
-        store = Store(job.store)
+        store = BatchFolder(job.store)
         record = store.record(job.name)
-        rows = known_rows(job, store, record)
-        if rows is None:
-            key = content_key(Path(job.photo), job.settings, job.face)
-            rows = _rows(job, store, record.results(key) if record else {})
-            store.write(f"{RECORDS}/{job.name}.json", Record(job.photo, key, rows).encode())
+        identity = None
+        try:
+            settings, head = _settings_and_head(job)
+        except Exception as error:
+            rows = [failure(job, error)]
+        else:
+            identity = with_photo(common_identity(settings, head, job.face), Path(job.photo))
+            known = finished_rows(record, identity, store)
+            if known is not None:
+                return known
+            rows = _rows(job, settings, head, store, record.results(identity) if record else {})
+        store.write(f"{RECORDS}/{job.name}.json", Record(job.photo, identity, rows).encode())
         return rows
 
 
-def _rows(job: Job, store: Store, done: dict[str, Row]) -> list[Row]:
-    """One row per face; what is in `done`, by folder, is taken from there."""
-    from ..photo.photo import read_photo
+def _settings_and_head(job: PhotoTask) -> tuple[Settings, HeadModel]:
+    from ..head.sources.library import head_model
     from ..settings.settings import PRESETS, override
+
+    settings = override(PRESETS["paper"], job.settings)
+    return settings, head_model(settings.head_model)
+
+
+def _rows(
+    job: PhotoTask,
+    settings: Settings,
+    head: HeadModel,
+    store: BatchFolder,
+    done: dict[str, BatchRow],
+) -> list[BatchRow]:
+    """One row per face; what is in `done`, by folder, is taken from there."""
+    from ..output import needed_bytes
+    from ..photo.photo import read_photo
 
     try:
         photo = read_photo(job.photo)
         faces = _faces(photo, job)
     except Exception as error:
         return [failure(job, error)]
-    settings = override(PRESETS["paper"], job.settings)
     rows = []
     for place, face in faces.items():
         if place in done and store.is_whole(place):
             rows.append(done[place])
             continue
         try:
-            rows.append(_result(job, photo, face, settings, store, place))
+            with store.result(place, needed_bytes(settings.resolution)) as folder:
+                row = _result(photo, settings, head, face, folder)
+            rows.append(replace(row, photo=job.photo, folder=place))
         except Stopped:
             raise
         except Exception as error:
@@ -100,7 +128,7 @@ def _rows(job: Job, store: Store, done: dict[str, Row]) -> list[Row]:
     return rows
 
 
-def failure(job: Job, error: Exception) -> Row:
+def failure(job: PhotoTask, error: Exception) -> BatchRow:
     """A row about what went wrong; what is no user's doing is named so that it can be reported."""
     if isinstance(error, UnlitError):
         text = str(error)
@@ -108,10 +136,10 @@ def failure(job: Job, error: Exception) -> Row:
         text = f"{job.photo}: not enough memory; use fewer workers or a lower resolution"
     else:
         text = f"{job.photo}: {type(error).__name__}: {error}; try `unlit reconstruct` on it"
-    return Row(job.photo, error=" ".join(text.split()))
+    return BatchRow(job.photo, error=" ".join(text.split()))
 
 
-def _faces(photo: Photo, job: Job) -> dict[str, str | int]:
+def _faces(photo: Photo, job: PhotoTask) -> dict[str, str | int | DetectedFace]:
     """Where the result of each face goes, and which face it is."""
     if job.face != "all":
         return {job.name: job.face}
@@ -120,15 +148,19 @@ def _faces(photo: Photo, job: Job) -> dict[str, str | int]:
 
     found = find_faces(photo.encoded8())
     choose(found, "largest", photo.source)  # raises where there is none
-    return {f"{job.name}/face{k}": k for k in range(len(found))}
+    return {f"{job.name}/face{k}": face for k, face in enumerate(found)}
 
 
 def _result(
-    job: Job, photo: Photo, face: str | int, settings: Settings, store: Store, place: str
-) -> Row:
-    """Reconstruct one face of `photo` and save it to `place`."""
+    photo: Photo,
+    settings: Settings,
+    head: HeadModel,
+    face: str | int | DetectedFace,
+    folder: Path,
+) -> BatchRow:
+    """Reconstruct one face of `photo` and save it to `folder`; a row without names."""
     from ..evaluate.psnr import psnr
-    from ..output import needed_bytes, save
+    from ..output import save
     from ..pipeline.chain import reconstruct
 
     log, stop_if_cancelled = _log(photo, settings), _stop_if_cancelled()
@@ -137,14 +169,12 @@ def _result(
         stop_if_cancelled()
         log(stage, iteration, iterations, loss)
 
-    with store.result(place, needed_bytes(settings.resolution)) as folder:
-        result = reconstruct(photo, settings=settings, face=face, progress=progress)
-        start = time.perf_counter()
-        save(result, folder, log.text())
+    result = reconstruct(photo, settings=settings, face=face, model=head, progress=progress)
+    start = time.perf_counter()
+    save(result, folder, log.text())
     metrics = result.metrics
-    return Row(
-        photo=job.photo,
-        folder=place,
+    return BatchRow(
+        photo="",
         warnings=list(metrics.warnings),
         seconds={**metrics.seconds, "writing": time.perf_counter() - start},
         landmark_residual=result.head.landmark_residual,
@@ -219,5 +249,5 @@ async def idle(seconds: float) -> None:
     import asyncio
 
     end = time.monotonic() + seconds
-    while _ALONE.locked() and time.monotonic() < end:
+    while _ONE_PHOTO.locked() and time.monotonic() < end:
         await asyncio.sleep(0.1)

@@ -42,9 +42,9 @@ def run(options: argparse.Namespace) -> int:
     from ..batches import require_extra
 
     require_extra()
+    from ..batches.folder import BatchFolder
     from ..batches.photos import find_photos
     from ..batches.run import run_batch
-    from ..batches.store import Store
     from ..head.sources.library import head_model
     from .batch_console import BatchConsole
 
@@ -57,5 +57,5 @@ def run(options: argparse.Namespace) -> int:
         rows = run_batch(
             photos, folder, settings, options.face, options.scheduler, watch, options.memory
         )
-    print(Store(folder).link("batch.html"))
+    print(BatchFolder(folder).link("batch.html"))
     return int(any(row.error for row in rows))

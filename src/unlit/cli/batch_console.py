@@ -6,7 +6,7 @@ import time
 
 from rich.console import Console
 
-from ..batches.record import Row, readable
+from ..batches.record import BatchRow, readable
 from ..batches.run import Counts
 from ..progress.display import Display
 from ..progress.log import clock
@@ -28,10 +28,13 @@ class BatchConsole(Display):
         if kind is None and self._counts is not None:
             self.say(", ".join(_finished(self._counts)))
 
-    def __call__(self, counts: Counts, rows: list[Row]) -> None:
+    def __call__(self, counts: Counts, rows: list[BatchRow]) -> None:
         now, self._counts = time.monotonic(), counts
         if counts.workers and self._began is None:
             self._began = now
+            for what, photos in counts.anew.items():
+                plural = "" if photos == 1 else "s"
+                self.say(readable(f"anew  {photos} photo{plural}: the earlier result is of {what}"))
         state = self._state(counts, now)
         for row in rows:
             if row.error:

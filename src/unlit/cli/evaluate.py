@@ -72,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
         path = command.run_persons(inputs, folder, settings, options.face, watch)
     else:
         lights = (options.lights or "flash,uniform").split(",")
-        protocol = command.Plan(
+        protocol = command.EvaluationPlan(
             lights,
             options.samples or 256,
             options.seed or 0,

@@ -94,10 +94,12 @@ def _angle(text: str) -> float | str:
 
 def run(options: argparse.Namespace) -> int:
     from ..progress.console import StepConsole
-    from ..relighting.command import Order, relight
+    from ..relighting.command import RelightRequest, relight
 
-    asked = {name: getattr(options, name) for name in Order.__dataclass_fields__}
+    asked = {name: getattr(options, name) for name in RelightRequest.__dataclass_fields__}
     with StepConsole() as progress:
-        path = relight(Path(options.folder), Path(options.output), Order(**asked), progress)
+        path = relight(
+            Path(options.folder), Path(options.output), RelightRequest(**asked), progress
+        )
     print(path)
     return 0

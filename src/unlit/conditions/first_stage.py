@@ -17,6 +17,7 @@ from ..optimize.shading import Shading
 from ..optimize.stage1_base_color import stage1
 from ..optimize.stage_run import with_unit_light
 from ..optimize.stages import start
+from ..progress.callbacks import silent
 from ..scene.cells import grid_cells, refine
 from ..scene.lobes import CellRadiance
 from ..settings.settings import Settings
@@ -40,7 +41,7 @@ def short_stage1(observation: Observation, settings: Settings) -> ShortStage1:
     """Stage 1 cut short. Raises ValueError when the mesh and the mask do not overlap."""
     stage = replace(settings.stage1, iterations=settings.first_stage_iterations)
     short = replace(settings, stage1=stage)
-    problem = Problem(observation, short, AlbedoGain(), lambda *_: None)
+    problem = Problem(observation, short, AlbedoGain(), silent)
     cells = grid_cells(short.cell_rows, short.cell_columns)
     shading = Shading(problem, cells)
     with threadpool_limits(1, user_api="blas"):  # as in `optimize/solve.py`

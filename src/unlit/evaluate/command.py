@@ -13,19 +13,22 @@ from typing import Any, Protocol
 
 from ..errors import FaceError, SettingsError, SubjectError
 from ..face.reconstruction import Reconstruction
-from ..optimize.problem import Progress
+from ..head.model import HeadModel
+from ..head.sources.library import head_model, model_key
 from ..output import write_one
 from ..output.images import png
 from ..photo.photo import Photo, read_photo
 from ..pipeline.chain import reconstruct
-from ..relighting.lights import LIGHTS, named
+from ..pipeline.identity import identity_of, photo_content
+from ..progress.callbacks import StageProgress
+from ..relighting.lights import LIGHTS, environment_map
 from ..settings.settings import Settings, as_dict
-from ..storage.keys import RECONSTRUCTION, code, key
+from ..storage.keys import key
 from .figure import check_sheet, result_sheet
 from .metrics import check_packages
 from .persons import consistency
-from .protocol import Light, Row, Study
-from .store import Store
+from .protocol import NamedLight, ShotResult, Study
+from .step_cache import StepCache
 from .subject_file import files_of, read_subject
 from .table import Table, markdown, page, tables
 
@@ -35,29 +38,29 @@ _ABLATION = ("flash", "uniform")
 _CACHE = "steps"
 
 
-def light(name: str) -> Light:
-    """A light by name (`lights.named`); from a file it has the file's name.
+def light(name: str) -> NamedLight:
+    """A light by name (`lights.environment_map`); from a file it has the file's name.
 
     Raises SettingsError or PictureError.
     """
-    return Light(name if name in LIGHTS else Path(name).stem, named(name))
+    return NamedLight(name if name in LIGHTS else Path(name).stem, environment_map(name))
 
 
-class Watch(Protocol):
+class StudyWatch(Protocol):
     """Told of what is being done; both are entered with its name while it lasts."""
 
     def busy(self, name: str) -> AbstractContextManager[object]:
         """A step without a progress of its own."""
         ...
 
-    def running(self, name: str) -> AbstractContextManager[Progress]:
+    def running(self, name: str) -> AbstractContextManager[StageProgress]:
         """A reconstruction; what is entered is told of its progress."""
         ...
 
 
-def run_check(file: Path, folder: Path, settings: Settings, watch: Watch) -> Path:
+def run_check(file: Path, folder: Path, settings: Settings, watch: StudyWatch) -> Path:
     """Render the subject under three lights; returns the picture's path."""
-    plan = Plan(("flash", "uniform", "side"), samples=64)
+    plan = EvaluationPlan(("flash", "uniform", "side"), samples=64)
     study = _study(file, folder, settings, plan, watch)
     path = folder / "check.png"
     write_one(path, png(check_sheet(study.subject, study.shots())))
@@ -65,7 +68,7 @@ def run_check(file: Path, folder: Path, settings: Settings, watch: Watch) -> Pat
 
 
 @dataclass(frozen=True)
-class Plan:
+class EvaluationPlan:
     """What an evaluation does. lights: as `light` takes them. samples: of the path tracer, per
     pixel, and its seed. ablation: leave out each stage in turn, too. true_mesh: see Study.
     """
@@ -77,7 +80,9 @@ class Plan:
     true_mesh: bool = False
 
 
-def run_subject(file: Path, folder: Path, settings: Settings, plan: Plan, watch: Watch) -> Path:
+def run_subject(
+    file: Path, folder: Path, settings: Settings, plan: EvaluationPlan, watch: StudyWatch
+) -> Path:
     """The whole protocol; returns the path of the Markdown tables."""
     check_packages()
     if plan.ablation and not set(plan.lights) & set(_ABLATION):
@@ -108,14 +113,15 @@ def run_subject(file: Path, folder: Path, settings: Settings, plan: Plan, watch:
 
 
 def run_persons(
-    paths: Sequence[Path], folder: Path, settings: Settings, face: str | int, watch: Watch
+    paths: Sequence[Path], folder: Path, settings: Settings, face: str | int, watch: StudyWatch
 ) -> Path:
     """One person on several photos; returns the path of the Markdown table."""
     if len(paths) < 2:
         raise FaceError("to compare one person's albedos takes two photos or more")
     photos = [read_photo(path) for path in paths]
-    store = Store(folder / _CACHE, watch.busy)
-    faces = [_person(photo, store, settings, face, watch) for photo in photos]
+    store = StepCache(folder / _CACHE, watch.busy)
+    model = head_model(settings.head_model)
+    faces = [_person(photo, model, store, settings, face, watch) for photo in photos]
     result = consistency(faces)
     body = [
         (*pair["photos"], f"{pair['albedo_psnr']:.1f}", f"{pair['photo_psnr']:.1f}")
@@ -132,24 +138,29 @@ def run_persons(
 
 
 def _person(
-    photo: Photo, store: Store, settings: Settings, face: str | int, watch: Watch
+    photo: Photo,
+    model: HeadModel,
+    store: StepCache,
+    settings: Settings,
+    face: str | int,
+    watch: StudyWatch,
 ) -> Reconstruction:
-    name = Path(photo.source).stem
-    made = key(photo.pixels, photo.focal, str(face), as_dict(settings), code(RECONSTRUCTION))
+    name = Path(photo.source)
+    made = identity_of(name.name, photo_content(photo), settings, model_key(model), face)
 
     def make() -> Reconstruction:
-        with watch.running(name) as progress:
-            return reconstruct(photo, settings=settings, face=face, progress=progress)
+        with watch.running(name.stem) as progress:
+            return reconstruct(photo, settings=settings, face=face, model=model, progress=progress)
 
-    return store.reconstruction(name, made, make)
+    return store.reconstruction(name.stem, made.key, make)
 
 
 def _study(
     file: Path,
     folder: Path,
     settings: Settings,
-    plan: Plan,
-    watch: Watch,
+    plan: EvaluationPlan,
+    watch: StudyWatch,
 ) -> Study:
     known = tuple(light(name) for name in plan.lights)
     names = [found.name for found in known]
@@ -160,7 +171,7 @@ def _study(
     with watch.busy("reading the subject"):
         content = key(settings.resolution, *map(_digest, files))
         subject = read_subject(file, settings.resolution)
-    store = Store(folder / _CACHE, watch.busy)
+    store = StepCache(folder / _CACHE, watch.busy)
     return Study(
         subject,
         content,
@@ -183,7 +194,7 @@ def _digest(path: Path) -> str:
         raise SubjectError(f"{path}: cannot be read ({error.strerror})") from error
 
 
-def plain(row: Row) -> dict[str, Any]:
+def plain(row: ShotResult) -> dict[str, Any]:
     """The figures of a row, without its pictures."""
     return {
         "input": row.light,

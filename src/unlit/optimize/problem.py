@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import drjit as dr
@@ -11,6 +10,7 @@ import numpy as np
 from ..color import encode_srgb
 from ..face.gain import AlbedoGain
 from ..machine.runtime import mitsuba
+from ..progress.callbacks import StageProgress
 from ..render.transport import ShadingPoints
 from ..scene.arrays import device
 from ..scene.maps import Maps, fill
@@ -25,9 +25,6 @@ mi = mitsuba()
 #: Order of the regions in `Problem.regions` and in stage 1's base colours (paper, section 3.1).
 REGIONS = ("skin", "lips", "eyes", "eyebrows")
 
-#: Called with (stage name, iteration, iterations, loss).
-Progress = Callable[[str, int, int, float], None]
-
 
 class Problem:
     """The observation on the P pixels that both the mask and the fitted mesh cover.
@@ -41,7 +38,7 @@ class Problem:
     """
 
     def __init__(
-        self, observation: Observation, settings: Settings, gain: AlbedoGain, report: Progress
+        self, observation: Observation, settings: Settings, gain: AlbedoGain, report: StageProgress
     ) -> None:
         self.observation, self.settings, self.report = observation, settings, report
         self.gain, self.camera = gain, observation.camera

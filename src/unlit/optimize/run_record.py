@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from .problem import Progress
+from ..progress.callbacks import StageProgress
 
 
 class RunRecord:
@@ -13,7 +13,7 @@ class RunRecord:
     losses, seconds: as in Metrics.
     """
 
-    def __init__(self, progress: Progress) -> None:
+    def __init__(self, progress: StageProgress) -> None:
         self.losses: dict[str, list[tuple[int, float]]] = {}
         self.seconds: dict[str, float] = {}
         self.progress = progress

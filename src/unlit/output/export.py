@@ -15,6 +15,7 @@ import tomli_w
 
 from ..errors import SettingsError
 from ..face.reconstruction import Reconstruction
+from ..progress.callbacks import StepProgress, silent
 from ..storage.folder import write_all
 from .geometry import mtl, obj, ply
 from .images import exr, png
@@ -32,7 +33,7 @@ DEFAULT_SIZE, SMALLEST, LARGEST = 1024, 512, 4096
 
 
 @dataclass(frozen=True)
-class Job:
+class ExportJob:
     """What the writers need. back: path from the export's folder to the result's."""
 
     reconstruction: Reconstruction
@@ -41,7 +42,6 @@ class Job:
     back: str
 
 
-Progress = Callable[[str, int, int], None]
 Writers = dict[str, Callable[[Path], object]]
 
 
@@ -52,7 +52,7 @@ def export(
     formats: Collection[str] = ("glb", "obj", "ply", "mitsuba", "blender"),
     size: int = DEFAULT_SIZE,
     directx: bool = False,
-    progress: Progress = lambda what, done, total: None,
+    progress: StepProgress = silent,
     only_maps: Collection[str] = (),
 ) -> Path:
     """Write `formats` (keys of FORMATS) into `folder`, all or nothing; returns the folder.
@@ -61,8 +61,8 @@ def export(
 
     source: the folder that `reconstruction` was loaded from, which scene_unlit.xml refers to.
     size: texels a side of the atlas, 512 to 4096. directx: y of the PNG normal maps points down.
-    progress: called with (what is done now, steps done, steps in all). only_maps: keys of
-    MAP_FILES; if there are any, these maps of the atlas are written, and no format.
+    only_maps: keys of MAP_FILES; if there are any, these maps of the atlas are written, and no
+    format.
     Raises SettingsError or OutputError.
     """
     folder = Path(folder)
@@ -79,7 +79,7 @@ def export(
     progress("baking the atlas", 0, 2)
     atlas = bake(reconstruction, size)
     back = _way(folder.resolve(), Path(source).resolve())
-    job = Job(reconstruction, atlas, directx, back)
+    job = ExportJob(reconstruction, atlas, directx, back)
     writers: Writers = {}
     if only_maps:
         files = {file for name in only_maps for file in MAP_FILES[name]}
@@ -151,13 +151,13 @@ def _bytes(content: Callable[[], bytes]) -> Callable[[Path], object]:
     return lambda path: path.write_bytes(content())
 
 
-def _glb(job: Job) -> Writers:
+def _glb(job: ExportJob) -> Writers:
     from .gltf import glb
 
     return {"face.glb": _bytes(lambda: glb(job.reconstruction, job.atlas))}
 
 
-def _obj(job: Job) -> Writers:
+def _obj(job: ExportJob) -> Writers:
     return {
         "mesh.obj": _bytes(lambda: obj(job.reconstruction, job.atlas.part, "mesh.mtl")),
         "mesh.mtl": _bytes(lambda: mtl(job.atlas.part)),
@@ -165,20 +165,20 @@ def _obj(job: Job) -> Writers:
     }
 
 
-def _ply(job: Job) -> Writers:
+def _ply(job: ExportJob) -> Writers:
     return {
         "mesh.ply": _bytes(lambda: ply(job.reconstruction)),
         **atlas_pngs(job.atlas, job.directx),
     }
 
 
-def _exrs(job: Job) -> Writers:
+def _exrs(job: ExportJob) -> Writers:
     return {
         name: _bytes(lambda pixels=pixels: exr(pixels(job.atlas))) for name, pixels in EXRS.items()
     }
 
 
-def _mitsuba(job: Job) -> Writers:
+def _mitsuba(job: ExportJob) -> Writers:
     from . import mitsuba_scene as scenes
 
     r, atlas = job.reconstruction, job.atlas
@@ -193,7 +193,7 @@ def _mitsuba(job: Job) -> Writers:
     }
 
 
-def _blender(job: Job) -> Writers:
+def _blender(job: ExportJob) -> Writers:
     from . import blender
 
     r = job.reconstruction
@@ -206,7 +206,7 @@ def _blender(job: Job) -> Writers:
     }
 
 
-def _usd(job: Job) -> Writers:
+def _usd(job: ExportJob) -> Writers:
     from .usd import usda
 
     return {
@@ -216,7 +216,7 @@ def _usd(job: Job) -> Writers:
 
 
 #: By name: what writes the format's files.
-FORMATS: dict[str, Callable[[Job], Writers]] = {
+FORMATS: dict[str, Callable[[ExportJob], Writers]] = {
     "glb": _glb,
     "obj": _obj,
     "ply": _ply,

@@ -25,15 +25,16 @@ from ..fit.head import fit_head
 from ..head.model import HeadModel
 from ..head.sources.library import head_model, model_key
 from ..optimize.checkpoint import Checkpoint
-from ..optimize.problem import Progress
 from ..optimize.run_record import RunRecord
 from ..optimize.solve import Keeper, Solution, solve
+from ..perception.landmarks import DetectedFace
 from ..perception.mask import read_mask
 from ..photo.photo import Photo, read_photo
+from ..progress.callbacks import StageProgress, silent
 from ..scene.camera import Camera
 from ..settings.settings import PRESETS, Settings
-from ..storage.keys import key
 from .assemble import assemble
+from .identity import identity_of, photo_content
 from .observe import observe
 
 #: Called with (stage, the result so far) after the fit and after every stage.
@@ -54,7 +55,7 @@ class Steps:
 def steps_of(
     photo: Photo,
     fit: FitHead,
-    face: str | int = "only",
+    face: str | int | DetectedFace = "only",
     mask: np.ndarray | None = None,
     camera: Camera | None = None,
 ) -> Steps:
@@ -106,10 +107,10 @@ def reconstruct(
     photo: str | Path | Photo | np.ndarray,
     *,
     settings: Settings = PRESETS["paper"],
-    face: str | int = "only",
+    face: str | int | DetectedFace = "only",
     model: HeadModel | None = None,
     mask: str | Path | np.ndarray | None = None,
-    progress: Progress = lambda *_: None,
+    progress: StageProgress = silent,
     preview: Preview | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Reconstruction:
@@ -117,7 +118,7 @@ def reconstruct(
 
     photo: a file, a Photo, or an array (H, W, 3): uint8 sRGB-encoded or float linear sRGB.
     face: "only" (several faces are an error), "largest", "left" or "right" (the leftmost or
-        rightmost in the picture), or a number counted from the largest, 0.
+        rightmost in the picture), a number counted from the largest, 0, or one that was found.
     model: the head model to fit; the default is the one that the settings name.
     mask: a picture file or an array (H, W) of the photo's size, uint8 to 255 or others in [0, 1]; 0
         leaves skin out.
@@ -133,10 +134,8 @@ def reconstruct(
     kept = None if mask is None else read_mask(mask, loaded)
     model = model or head_model(settings.head_model)
     if checkpoint is not None:
-        pixels = key(loaded.pixels, loaded.focal)
-        own = model_key(model)
-        choices = {"face": face, "mask": None if kept is None else key(kept), "model": own}
-        checkpoint.belongs_to((Path(loaded.source).name, pixels), settings, choices)
+        name, content = Path(loaded.source).name, photo_content(loaded)
+        checkpoint.belongs_to(identity_of(name, content, settings, model_key(model), face, kept))
     run.lap("photo")
     return run_chain(
         steps_of(loaded, fitting(model), face, kept), settings, run, checkpoint, preview

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..face.photo import FacePhoto
 from ..perception.choose import choose
-from ..perception.landmarks import find_faces
+from ..perception.landmarks import DetectedFace, find_faces
 from ..perception.mask import painted
 from ..perception.regions import segment
 from ..photo.crop import Crop, face_crop
@@ -24,17 +24,19 @@ CROP_WIDTH = 26.5
 def observe(
     photo: Photo,
     resolution: int,
-    face: str | int = "only",
+    face: str | int | DetectedFace = "only",
     camera: Camera | None = None,
     mask: np.ndarray | None = None,
 ) -> FacePhoto:
     """The face's crop, `resolution` pixels a side, its landmarks and regions.
 
     With `camera` the photo is taken as the crop itself, as seen by that camera. face: as for
-    `choose`. mask: (H, W) of the photo's size, which the face's region is multiplied with. Raises
-    FaceError.
+    `choose`, or one that `find_faces` has found. mask: (H, W) of the photo's size, which the
+    face's region is multiplied with. Raises FaceError.
     """
-    found = choose(find_faces(photo.encoded8()), face, photo.source)
+    found = face
+    if not isinstance(found, DetectedFace):
+        found = choose(find_faces(photo.encoded8()), found, photo.source)
     height, width = photo.pixels.shape[:2]
     if camera is None:
         crop = face_crop(found.landmarks, resolution, (width, height))

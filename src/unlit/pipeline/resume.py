@@ -10,9 +10,10 @@ import numpy as np
 from ..errors import SettingsError
 from ..face.reconstruction import Reconstruction
 from ..optimize.estimate import Estimate
-from ..optimize.problem import Problem, Progress
+from ..optimize.problem import Problem
 from ..optimize.run_record import RunRecord
 from ..optimize.stages import Begin
+from ..progress.callbacks import StageProgress, silent
 from ..settings.settings import Settings, as_dict, flat
 from ..settings.table1 import TABLE_1
 from .chain import Preview, Steps, run_chain
@@ -42,7 +43,7 @@ def resume(
     result: Reconstruction,
     stage: int,
     settings: Settings | None = None,
-    progress: Progress = lambda *_: None,
+    progress: StageProgress = silent,
     preview: Preview | None = None,
 ) -> Reconstruction:
     """Run the stages from `stage` (1 to 5) on again.

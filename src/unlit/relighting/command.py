@@ -14,10 +14,11 @@ from ..face.reconstruction import Reconstruction
 from ..output import RESULT_FILES, load, write_one
 from ..output.images import encoded, exr, png
 from ..photo.photo import read_photo
+from ..progress.callbacks import StepProgress, silent
 from ..storage.folder import ensure_writable
 from .composite import Backdrop
-from .frames import Frame, Progress, pictures, sweep, turntable
-from .lights import FILES, exposed, named
+from .frames import Frame, rendered_frames, sweep, turntable
+from .lights import FILES, environment_map, with_unit_irradiance
 from .video import gif, mp4, need_encoder
 
 STILLS, VIDEOS = (".png", ".exr"), (".mp4", ".gif")
@@ -31,11 +32,12 @@ _MAX_SIDE = 4096
 
 
 @dataclass(frozen=True)
-class Order:
+class RelightRequest:
     """What is asked of a relighting; None: not given.
 
-    light: as `lights.named` takes it, or `photo`. rotate: degrees, or "sweep". turntable: degrees
-    to either side, or 360. brightness: stops. samples, frames, fps: see the defaults above.
+    light: as `lights.environment_map` takes it, or `photo`. rotate: degrees, or "sweep".
+    turntable: degrees to either side, or 360. brightness: stops. samples, frames, fps: see the
+    defaults above.
     """
 
     light: str
@@ -90,58 +92,58 @@ def _check(name: str, value: float | None, low: float, high: float) -> None:
 
 
 def relight(
-    folder: Path, path: Path, order: Order, progress: Progress = lambda what, done, total: None
+    folder: Path, path: Path, request: RelightRequest, progress: StepProgress = silent
 ) -> Path:
     """Relight the result in `folder` into the file `path`, whole or not at all; returns `path`.
 
     Raises SettingsError, PictureError, PhotoError, OutputError or MachineError.
     """
     suffix = path.suffix.lower()
-    frames, samples = order.plan(suffix)
+    frames, samples = request.plan(suffix)
     if suffix == ".mp4":
         need_encoder()
-    _spare_inputs(folder, path, order)
+    _spare_inputs(folder, path, request)
     ensure_writable(path)
     face = load(folder)
-    environment = _environment(order, face)
+    environment = _environment(request, face)
     backdrop = None
-    if order.over_photo is not None:
-        backdrop = Backdrop(face, read_photo(order.over_photo))
+    if request.over_photo is not None:
+        backdrop = Backdrop(face, read_photo(request.over_photo))
         height, width = backdrop.photo.pixels.shape[:2]
         if suffix in VIDEOS and max(width, height) > _MAX_SIDE:
             raise SettingsError(
-                f"{order.over_photo}: a video of {width} x {height} pixels; at most {_MAX_SIDE} a "
-                "side: relight a .png, or a photo that was scaled down before it was reconstructed"
+                f"{request.over_photo}: a video of {width} x {height} pixels; at most {_MAX_SIDE} "
+                "a side: relight a .png, or a photo that was scaled down before its reconstruction"
             )
-    linear = pictures(face, environment, frames, samples, progress)
+    linear = rendered_frames(face, environment, frames, samples, progress)
     if suffix == ".exr":
         (picture,) = linear
         content = exr(backdrop(picture) if backdrop else picture)
     else:
         shown = map(backdrop.encoded8 if backdrop else encoded, linear)
-        content = _FILES[suffix](shown, order.fps or FPS)
+        content = _FILES[suffix](shown, request.fps or FPS)
     write_one(path, content)
     progress("done", 100, 100)
     return path
 
 
-def _spare_inputs(folder: Path, path: Path, order: Order) -> None:
+def _spare_inputs(folder: Path, path: Path, request: RelightRequest) -> None:
     """Refuse to write over the photo, the light, or a file of the result."""
     inputs = {folder / name for name in RESULT_FILES}
-    inputs |= {Path(name) for name in (order.light, order.over_photo) if name is not None}
+    inputs |= {Path(name) for name in (request.light, request.over_photo) if name is not None}
     if path.resolve() in {file.resolve() for file in inputs}:
         raise SettingsError(f"{path}: is an input or a file of the result; choose another name")
 
 
-def _environment(order: Order, face: Reconstruction) -> np.ndarray:
+def _environment(request: RelightRequest, face: Reconstruction) -> np.ndarray:
     """The light at its strength: lights from files at a fixed one, then the stops."""
-    if order.light == OWN_LIGHT:
+    if request.light == OWN_LIGHT:
         environment = face.light.rasterize()
     else:
-        environment = named(order.light, (OWN_LIGHT,))
-        if Path(order.light).suffix.lower() in FILES:
-            environment = exposed(environment, order.light)
-    return environment * np.float32(2**order.brightness)
+        environment = environment_map(request.light, (OWN_LIGHT,))
+        if Path(request.light).suffix.lower() in FILES:
+            environment = with_unit_irradiance(environment, request.light)
+    return environment * np.float32(2**request.brightness)
 
 
 def _png(frames: Iterator[np.ndarray], fps: int) -> bytes:

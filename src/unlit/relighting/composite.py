@@ -22,7 +22,7 @@ _SAME = 0.05
 _FADE = 0.1
 
 
-def faded(mask: np.ndarray) -> np.ndarray:
+def feathered(mask: np.ndarray) -> np.ndarray:
     """`mask` (S, S) faded to 0 towards the outline of the face and the crop's border, float32.
 
     Holes and slots in it (eyes, glasses) keep their sharp rims: the light around them is the same.
@@ -59,7 +59,7 @@ class Backdrop:
             )
 
     def __call__(self, relit: np.ndarray) -> np.ndarray:
-        """The photo (H, W, 3), linear sRGB, with `relit` (S, S, 3) blended in by `faded`'s mask.
+        """The photo (H, W, 3), linear sRGB, with `relit` (S, S, 3) blended in by `feathered`.
 
         Where the mask is 0 the photo's values come back to the bit.
         """
@@ -70,7 +70,7 @@ class Backdrop:
 
     @cached_property
     def _weight(self) -> np.ndarray:
-        return faded(self.face.face.mask)
+        return feathered(self.face.face.mask)
 
     @cached_property
     def _encoded(self) -> np.ndarray:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..face.face import Face
 from ..face.reconstruction import Reconstruction
-from ..progress.console import clock
-from ..render.relighter import Relighter, traced
+from ..progress.callbacks import StepProgress
+from ..progress.log import clock
+from ..render.relighter import Relighter, path_traced
 from .lights import turned
 from .pose import Turntable
-
-#: Called with (what is done now, steps done, steps in all).
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -42,44 +40,44 @@ def turntable(count: int, degrees: float, light: float) -> list[Frame]:
     return [Frame(light, float(head)) for head in heads]
 
 
-def pictures(
+def rendered_frames(
     face: Reconstruction,
     environment: np.ndarray,
     frames: Sequence[Frame],
     samples: int | None,
-    progress: Progress,
+    progress: StepProgress,
 ) -> Iterator[np.ndarray]:
     """The frames (S, S, 3), linear sRGB, 0 where there is no face, one after the other.
 
     samples: of the path tracer, per pixel; None: the transport renderer. It traces once what the
     face sees of a light that turns; a head that turns is traced anew for each frame.
     """
-    bar = _Bar(len(frames), progress)
+    report = _FrameProgress(len(frames), progress)
     table = Turntable(face) if any(frame.head for frame in frames) else None
     if samples is None and table is None:
         lit = Relighter(face.face).under(environment, [frame.light for frame in frames])
         for number in range(len(frames)):
-            bar(number)
+            report(number)
             yield lit.image(number)
     else:
         for number, frame in enumerate(frames):
-            bar(number)
+            report(number)
             seen: Face = table.turned(frame.head) if table else face.face
             if samples is None:
                 yield Relighter(seen).under(environment, [frame.light]).image(0)
             else:
                 light = turned(environment, frame.light)
-                picture = traced(
-                    seen, light, samples, progress=lambda a, b, n=number: bar(n, a / b)
+                picture = path_traced(
+                    seen, light, samples, progress=lambda a, b, n=number: report(n, a / b)
                 )
                 yield picture * (seen.mask > 0)[..., None]
-    bar(len(frames))
+    report(len(frames))
 
 
-class _Bar:
-    """Tells a Progress how far the frames are, in hundredths, and the time left."""
+class _FrameProgress:
+    """Tells how far the frames are, in hundredths, and the time left."""
 
-    def __init__(self, count: int, progress: Progress) -> None:
+    def __init__(self, count: int, progress: StepProgress) -> None:
         self.count, self.progress = count, progress
         self.start: float | None = None
         progress("preparing", 0, 100)

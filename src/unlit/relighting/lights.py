@@ -44,7 +44,7 @@ def sun(azimuth: float, elevation: float) -> np.ndarray:
     return disc(direction, 1.0, _SUN_HALF_ANGLE, _SUN_MAP)
 
 
-def named(text: str, others: tuple[str, ...] = ()) -> np.ndarray:
+def environment_map(text: str, others: tuple[str, ...] = ()) -> np.ndarray:
     """The environment map (H, W) or (H, W, 3) that `text` names.
 
     One of LIGHTS, sun:AZIMUTH,ELEVATION, or an .hdr or .exr file with a latitude-longitude map,
@@ -77,8 +77,8 @@ def _angles(text: str) -> tuple[float, float]:
     return azimuth, elevation
 
 
-def exposed(environment: np.ndarray, source: str) -> np.ndarray:
-    """A photographed light, whose units are arbitrary, at a fixed strength and at most 1024 wide.
+def with_unit_irradiance(environment: np.ndarray, source: str) -> np.ndarray:
+    """A photographed light, whose units are arbitrary, scaled to irradiance pi; at most 1024 wide.
 
     A white card that stands upright and is turned to where it gets most light renders as 1, as it
     does under `flash`, `uniform` and a low sun. This does not change when the light turns about

@@ -8,13 +8,13 @@ projected from the crop.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
 from ..machine.runtime import mitsuba
+from ..progress.callbacks import PassProgress, silent
 from ..scene.arrays import at_least
 from ..scene.brdf import specular
 from ..scene.camera import Camera
@@ -24,13 +24,6 @@ from ..scene.mesh import Mesh
 mi = mitsuba()
 
 PLUGIN = "unlit_face"
-
-#: Called with (passes done, passes in all).
-Progress = Callable[[int, int], None]
-
-
-def silent(done: int, total: int) -> None:
-    """Progress that is not told."""
 
 
 class FaceBSDF(mi.BSDF):
@@ -159,20 +152,17 @@ def path_trace(
     samples: int = 256,
     bounces: int = 1,
     seed: int = 0,
-    others: dict[str, Any] | None = None,
-    progress: Progress = silent,
+    progress: PassProgress = silent,
 ) -> np.ndarray:
     """Render the face by path tracing; returns (height, width, 3) float32 linear radiance.
 
     environment: (H, W) or (H, W, 3) radiance (scene/light.py). bounces: inter-reflections between
-    parts of the face, 0 for direct light only. Pixels that see no face are 0. others: further
-    entries for the Mitsuba scene dictionary.
+    parts of the face, 0 for direct light only. Pixels that see no face are 0.
     """
     face = mi.load_dict({"type": PLUGIN})
     face.set_maps(camera, maps)
     body = mesh_body("face", face, mesh.vertices, mesh.normals, mesh.triangles)
-    objects = {"face": body, **(others or {})}
-    return trace(objects, camera, environment, samples, bounces, seed, progress)
+    return trace({"face": body}, camera, environment, samples, bounces, seed, progress)
 
 
 def trace(
@@ -182,7 +172,7 @@ def trace(
     samples: int,
     bounces: int,
     seed: int,
-    progress: Progress = silent,
+    progress: PassProgress = silent,
 ) -> np.ndarray:
     """Render `objects` (of a Mitsuba scene dictionary) as `path_trace` does the face."""
     light = {"type": "envmap", "bitmap": mitsuba_environment(environment)}

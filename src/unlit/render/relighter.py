@@ -14,13 +14,14 @@ import numpy as np
 
 from ..face.face import Face
 from ..machine.runtime import mitsuba
+from ..progress.callbacks import PassProgress, silent
 from ..scene.arrays import device
 from ..scene.cells import EnvironmentFlux, SphereCells, even_cells, refine
 from ..scene.light import SphericalGaussians
 from ..scene.maps import Maps
 from ..scene.mesh import CameraHits, Mesh, surface
 from .interreflection import IndirectLight, Interreflection
-from .reference import Progress, path_trace, silent
+from .reference import path_trace
 from .transport import Quadrature, ShadingPoints, shade, visibility
 
 mi = mitsuba()
@@ -33,8 +34,12 @@ _TURNING_LIMIT = 6000
 _BITS = 1 << 32
 
 
-def traced(
-    face: Face, environment: np.ndarray, samples: int, seed: int = 0, progress: Progress = silent
+def path_traced(
+    face: Face,
+    environment: np.ndarray,
+    samples: int,
+    seed: int = 0,
+    progress: PassProgress = silent,
 ) -> np.ndarray:
     """Path-traced (S, S, 3) linear sRGB under `environment` (H, W[, 3]), beyond the mask, too."""
     mesh = Mesh(face.mesh.vertices, face.mesh.triangles)
@@ -81,7 +86,7 @@ class Relighter:
         lobes = isinstance(light, SphericalGaussians)
         return self.under(light.rasterize() if lobes else np.asarray(light)).image(0)
 
-    def under(self, environment: np.ndarray, azimuths: Sequence[float] = (0.0,)) -> Lit:
+    def under(self, environment: np.ndarray, azimuths: Sequence[float] = (0.0,)) -> FaceUnderLight:
         """Trace what the face sees of `environment` (H, W[, 3]), turned by each of `azimuths`.
 
         azimuths: degrees about the vertical axis; a light in front moves to the picture's right.
@@ -98,10 +103,10 @@ class Relighter:
         lit = np.flatnonzero(radiance.any(axis=(0, *range(2, radiance.ndim))))
         # Cells that one frame needs lie next to each other.
         lit = lit[np.argsort(cells.phi[lit].mean(axis=1), kind="stable")]
-        return Lit(self, cells.select(lit), radiance[:, lit])
+        return FaceUnderLight(self, cells.select(lit), radiance[:, lit])
 
 
-class Lit:
+class FaceUnderLight:
     """A face in a light that may turn: visibility of all its cells, traced once.
 
     cells: D of them. radiance: (F, D) or (F, D, 3), of each of F frames.
@@ -124,7 +129,7 @@ class Lit:
         words = np.unique(np.flatnonzero(lit) >> 5)
         if not words.size:
             nothing = np.zeros((count, 1), dtype=np.float32)
-            return composed(face.maps, face.pixel, nothing, nothing)
+            return image_from_shading(face.maps, face.pixel, nothing, nothing)
         index = (words[:, None] * 32 + np.arange(32)).ravel()
         index = index[index < len(radiance)]
         quadrature, radiance = Quadrature(self.cells.select(index)), radiance[index]
@@ -136,7 +141,7 @@ class Lit:
         indirect_e, indirect_s = under.shade(radiance, face.maps)
         total_e = e.numpy().T.reshape(count, -1) + indirect_e
         total_s = s.numpy().T.reshape(count, -1) + indirect_s
-        return composed(face.maps, face.pixel, total_e, total_s)
+        return image_from_shading(face.maps, face.pixel, total_e, total_s)
 
 
 def _words(bits: Any, words: np.ndarray, points: int) -> Any:
@@ -149,7 +154,7 @@ def _words(bits: Any, words: np.ndarray, points: int) -> Any:
     return dr.gather(mi.UInt32, bits, word * width + index % width)
 
 
-def composed(maps: Maps, pixel: np.ndarray, e: np.ndarray, s: np.ndarray) -> np.ndarray:
+def image_from_shading(maps: Maps, pixel: np.ndarray, e: np.ndarray, s: np.ndarray) -> np.ndarray:
     """Image (H, W, 3) of I = rho_d E + rho_s S at the row-major `pixel` (P,), 0 elsewhere.
 
     e, s: (P, 1) or (P, 3) total shading.

@@ -1,14 +1,17 @@
 """What a batch keeps of a photo: read back the same, and nothing else is taken for it."""
 
 import json
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from unlit.batches.record import Record, Row, content_key, readable
+from unlit.batches.record import BatchRow, Record, readable
+from unlit.storage.identity import Identity
 
-ROW = Row(
+IDENTITY = Identity("a.jpg", "c", "only", "", {"clip": "1.0"}, "h", "1", "k", "llvm")
+ROW = BatchRow(
     photo="/p/caf\udce9.jpg",
     folder="cafe",
     warnings=["small"],
@@ -20,7 +23,7 @@ ROW = Row(
 
 def test_read_back_the_same():
     """Also a name that is no text, and numbers to the last digit."""
-    record = Record(ROW.photo, "k", [ROW, Row("/p/b.jpg", error="no face")])
+    record = Record(ROW.photo, IDENTITY, [ROW, BatchRow("/p/b.jpg", error="no face")])
     assert Record.decode(record.encode()) == record
 
 
@@ -42,7 +45,7 @@ def test_bytes_that_are_no_record(content):
 @given(st.data())
 def test_fields_of_wrong_types(data):
     """A record with one value replaced by anything is read as a whole record or not at all."""
-    values = json.loads(Record("/p/a.jpg", "k", [ROW]).encode())
+    values = json.loads(Record("/p/a.jpg", IDENTITY, [ROW]).encode())
     table = data.draw(st.sampled_from([values, values["rows"][0]]))
     table[data.draw(st.sampled_from(sorted(table)))] = data.draw(_json)
     found = Record.decode(json.dumps(values).encode())
@@ -54,32 +57,12 @@ def test_huge_nesting_is_no_record():
     assert Record.decode(b"[" * 100_000) is None
 
 
-def test_the_key_follows_everything_that_matters(tmp_path):
-    """Photo, settings and face change it; the photo's name and date do not."""
-    one, other = tmp_path / "a.jpg", tmp_path / "b.jpg"
-    one.write_bytes(b"same")
-    other.write_bytes(b"same")
-    key = content_key(one, {"a": 1}, "only")
-    assert key == content_key(other, {"a": 1}, "only")
-    other.write_bytes(b"else")
-    assert len({key, content_key(other, {"a": 1}, "only"), content_key(one, {"a": 2}, "only")}) == 3
-    assert content_key(one, {"a": 1}, 0) != key
-    model = tmp_path / "head.npz"
-    keys = set()
-    for content in (b"one head", b"another"):
-        model.write_bytes(content)
-        keys.add(content_key(one, {"head_model": str(model)}, "only"))
-    assert len(keys) == 2
-
-
-def test_no_key_without_a_photo(tmp_path):
-    """Missing files, folders, and pipes, which would never end."""
-    import os
-
-    os.mkfifo(tmp_path / "pipe.jpg")
-    for name in ("pipe.jpg", "none.jpg", "."):
-        assert content_key(tmp_path / name, {}, "only") == ""
-    assert Record("p", "", [ROW]).results("") == {}
+def test_results_of_another_identity_are_none():
+    """Nor are those of a photo or head model that could not be read."""
+    record = Record("p", IDENTITY, [ROW, BatchRow("p", error="no face")])
+    assert record.results(IDENTITY) == {"cafe": ROW}
+    assert record.results(replace(IDENTITY, code="other")) == {}
+    assert Record("p", None, [ROW]).results(None) == {}
 
 
 @pytest.mark.parametrize("text", ["a\x1b[2Jb", "a\nb", "a\udcffb", "a\u202eb"])

@@ -13,10 +13,12 @@ from batch_stand_in import noted, picture
 from unlit import cli
 from unlit.batches import task
 from unlit.batches.cluster import connected, workers_and_threads
+from unlit.batches.folder import BatchFolder
 from unlit.batches.photos import find_photos
 from unlit.batches.run import Counts, run_batch
-from unlit.batches.store import Store
 from unlit.errors import MachineError
+from unlit.head.sources import library
+from unlit.pipeline import identity
 from unlit.storage.folder import MARK
 
 RED = (255, 0, 0)
@@ -76,6 +78,23 @@ class TestBatch:
         assert (counts.done, counts.before) == (3, 0)
         assert len(noted(log, "end")) == 8
 
+    @pytest.mark.parametrize(
+        ("change", "said"),
+        [("code", "another version of unlit (other code)"), ("head", "another head model")],
+    )
+    def test_other_code_or_head_is_noticed(self, photos, tmp_path, log, monkeypatch, change, said):
+        """All is made anew, and why is told; then nothing is."""
+        folder = str(tmp_path / "out")
+        batch(photos, folder)
+        if change == "code":
+            monkeypatch.setattr(identity, "code", lambda _: "changed")
+        else:
+            monkeypatch.setattr(library, "model_key", lambda _: "changed")
+        _, counts = batch(photos, folder)
+        assert (counts.done, counts.before, counts.anew) == (3, 0, {said: 3})
+        _, counts = batch(photos, folder)
+        assert (counts.done, counts.before, counts.anew) == (0, 3, {})
+
     def test_failing_photos_do_not_stop_the_others(self, photos, tmp_path, log):
         """No picture, a fault of ours: rows of one line with the reason; tried again next time."""
         (photos / "text.jpg").write_text("hello")
@@ -108,10 +127,15 @@ class TestBatch:
 
     def test_all_faces(self, photos, tmp_path, log, monkeypatch):
         """A folder for each face; a face that failed is done again without the others."""
-        found = lambda image: ["one", "other"]  # noqa: E731
-        monkeypatch.setattr("unlit.perception.landmarks.find_faces", found)
+        detected = []
+        monkeypatch.setattr(
+            "unlit.perception.landmarks.find_faces",
+            lambda image: detected.append(1) or ["one", "other"],
+        )
         rows, _ = batch(photos / "c.png", str(tmp_path / "out"), face="all")
         assert [row.folder for row in rows] == ["c/face0", "c/face1"]
+        assert len(detected) == 1
+        assert "c.png other" in (tmp_path / "out/c/face1" / MARK).read_text()
         shutil.rmtree(tmp_path / "out/c/face1")
         rows, _ = batch(photos / "c.png", str(tmp_path / "out"), face="all")
         assert [row.folder for row in rows] == ["c/face0", "c/face1"]
@@ -145,7 +169,7 @@ class TestBatch:
 
 def test_a_task_that_is_run_again_does_nothing(photos, tmp_path, log):
     """Dask repeats a task whose worker died after it had ended; and it needs no Dask to run."""
-    job = task.Job(str(photos / "c.png"), "c", str(tmp_path / "out"), {}, "only")
+    job = task.PhotoTask(str(photos / "c.png"), "c", str(tmp_path / "out"), {}, "only")
     assert task.run(job) == task.run(job)
     assert len(noted(log, "begin")) == 1
     assert "photo     c.png, 64 x 64" in (tmp_path / "out/c/run.log").read_text()
@@ -153,9 +177,9 @@ def test_a_task_that_is_run_again_does_nothing(photos, tmp_path, log):
 
 def test_a_crash_between_result_and_record(photos, tmp_path, log, monkeypatch):
     """The result is there, its record not: the work is repeated, not lost."""
-    job = task.Job(str(photos / "c.png"), "c", str(tmp_path / "out"), {}, "only")
+    job = task.PhotoTask(str(photos / "c.png"), "c", str(tmp_path / "out"), {}, "only")
     with monkeypatch.context() as patch:
-        patch.setattr(Store, "write", lambda *_: (_ for _ in ()).throw(SystemExit))
+        patch.setattr(BatchFolder, "write", lambda *_: (_ for _ in ()).throw(SystemExit))
         with pytest.raises(SystemExit):
             task.run(job)
     assert not task.run(job)[0].error
@@ -166,7 +190,7 @@ def test_somebody_elses_files_are_not_touched(photos, tmp_path, log):
     """A folder that was there before, of the result's name, with a file of a result's name."""
     (tmp_path / "out/c").mkdir(parents=True)
     (tmp_path / "out/c/montage.png").write_text("mine")
-    job = task.Job(str(photos / "c.png"), "c", str(tmp_path / "out"), {}, "only")
+    job = task.PhotoTask(str(photos / "c.png"), "c", str(tmp_path / "out"), {}, "only")
     for _ in range(2):
         assert "holds montage.png" in task.run(job)[0].error
     assert (tmp_path / "out/c/montage.png").read_text() == "mine"

@@ -6,16 +6,16 @@ from html.parser import HTMLParser
 
 import pytest
 
-from unlit.batches.record import Row
-from unlit.batches.store import Store
+from unlit.batches.folder import BatchFolder
+from unlit.batches.record import BatchRow
 from unlit.batches.table import as_csv, as_html, as_parquet, table, write_tables
 
 ROWS = [
-    Row(
+    BatchRow(
         "/p/a.jpg", "a", "", ["w1", "w2"], {"fit": 1.5, "writing": 0.25}, 0.02, 31.5, {"s1": 1 / 3}
     ),
-    Row('/p/<script>"\n=1.jpg', error="=cmd|' /C calc'!A0"),
-    Row("/p/\udcff\x1b[2J.jpg", "b", "", [], {"fit": 2.0}, 0.03, 30.0, {"s2": 0.5}),
+    BatchRow('/p/<script>"\n=1.jpg', error="=cmd|' /C calc'!A0"),
+    BatchRow("/p/\udcff\x1b[2J.jpg", "b", "", [], {"fit": 2.0}, 0.03, 30.0, {"s2": 0.5}),
 ]
 
 
@@ -33,7 +33,9 @@ def test_csv_holds_every_number():
 
 def test_where_every_photo_failed():
     """Columns without a single number are empty, in every format."""
-    lines = table([Row("/p/a.jpg", error="cut off"), Row("/p/b.txt", error="not a picture")])
+    lines = table(
+        [BatchRow("/p/a.jpg", error="cut off"), BatchRow("/p/b.txt", error="not a picture")]
+    )
     page = as_html(lines).decode()
     assert "0 done, 2 failed" in page and "cut off" in page and "None" not in page
     assert len(list(csv.DictReader(io.StringIO(as_csv(lines).decode())))) == 2
@@ -51,7 +53,7 @@ def test_html_is_escaped():
             self.links += [value for key, value in attributes if key == "href"]
 
     reader = Reader()
-    reader.feed(as_html(table([*ROWS, Row("/p/c", 'x" onclick="alert(1)')])).decode())
+    reader.feed(as_html(table([*ROWS, BatchRow("/p/c", 'x" onclick="alert(1)')])).decode())
     assert "script" not in reader.tags
     assert reader.links == [
         "a/montage.png",
@@ -73,5 +75,5 @@ def test_parquet_is_the_same_table():
 
 def test_a_batch_of_nothing_has_a_summary(tmp_path):
     """No rows, no failure."""
-    write_tables(Store(str(tmp_path)), [])
+    write_tables(BatchFolder(str(tmp_path)), [])
     assert (tmp_path / "batch.html").read_text().startswith("<!doctype html>")

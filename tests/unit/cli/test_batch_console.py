@@ -9,7 +9,7 @@ from rich.console import Console
 pytest.importorskip("distributed", reason="needs the extra 'batch'")
 
 
-from unlit.batches.record import Row
+from unlit.batches.record import BatchRow
 from unlit.batches.run import Counts
 from unlit.cli.batch_console import BatchConsole
 
@@ -24,7 +24,9 @@ def test_it_is_told_what_runs_before_the_first_photo_is_done(monkeypatch) -> Non
         for second in range(0, 100, 2):
             now[0] = float(second)
             watch(Counts(3, workers=2, running=2, longest=float(second)), [])
-        watch(Counts(3, done=1, workers=2, running=1, longest=100.0), [Row("a.jpg", folder="a")])
+        watch(
+            Counts(3, done=1, workers=2, running=1, longest=100.0), [BatchRow("a.jpg", folder="a")]
+        )
     said = text.getvalue().splitlines()
     assert said[0] == "0 of 3, 2 workers, 2 running for up to 0:00"
     assert said[1] == "0 of 3, 2 workers, 2 running for up to 1:00"

@@ -12,8 +12,8 @@ from unlit.errors import SubjectError
 from unlit.evaluate import protocol
 from unlit.evaluate.figure import check_sheet, result_sheet, sheet
 from unlit.evaluate.persons import consistency
-from unlit.evaluate.protocol import Light, Study
-from unlit.evaluate.store import Store
+from unlit.evaluate.protocol import NamedLight, Study
+from unlit.evaluate.step_cache import StepCache
 from unlit.evaluate.subject import Subject
 from unlit.face.photo import FacePhoto
 from unlit.perception.regions import Regions
@@ -56,8 +56,8 @@ def study(subject: Subject, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
     monkeypatch.setattr(protocol, "steps_of", steps)
     monkeypatch.setattr(protocol, "compare", lambda *_: {"gain": 1.0, "psnr": 20.0})
-    lights = (Light("flash", flash()), Light("uniform", uniform()))
-    store = Store(tmp_path / "steps")
+    lights = (NamedLight("flash", flash()), NamedLight("uniform", uniform()))
+    store = StepCache(tmp_path / "steps")
     return Study(subject, "bumpy", lights, short(30), store, samples=16, true_mesh=True)
 
 
@@ -98,7 +98,7 @@ def test_rows_and_cache(study: Study, monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("a finished step was repeated")
 
     monkeypatch.setattr(protocol, "run_chain", never)
-    monkeypatch.setattr(protocol, "traced", never)
+    monkeypatch.setattr(protocol, "path_traced", never)
     monkeypatch.setattr(protocol, "compare", never)
     monkeypatch.setattr(Subject, "photograph", never)
     again = list(study.rows(study.shots()))
@@ -132,7 +132,7 @@ def test_each_stage_can_be_switched_off(study: Study, stage: int) -> None:
 
 def test_consistency(study: Study) -> None:
     """Albedos under two lights are more alike than the photos; the same photo is the same."""
-    lights = (Light("uniform", uniform()), Light("side", disc((0.7, 0.1, 0.7))))
+    lights = (NamedLight("uniform", uniform()), NamedLight("side", disc((0.7, 0.1, 0.7))))
     study = replace(study, lights=lights)
     faces = [row.face for row in study.rows(study.shots())]
     found = consistency(faces)

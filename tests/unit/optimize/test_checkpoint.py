@@ -18,9 +18,9 @@ import tiny_run
 from changed import changed
 from unlit.errors import OutputError
 from unlit.face.reconstruction import Reconstruction
-from unlit.optimize import checkpoint as module
 from unlit.optimize.checkpoint import Checkpoint
 from unlit.output.arrays import write_arrays
+from unlit.pipeline import identity
 from unlit.settings.settings import Settings
 
 
@@ -153,11 +153,11 @@ def test_another_run_is_refused_and_named(stopped, monkeypatch):
     more = tiny_run.settings(clip=0.5, bounces=2)
     assert "other settings (bounces 3, not 2, clip 1.0, not 0.5)" in refused(chosen=more)
     with monkeypatch.context() as patch:
-        patch.setattr(module, "version", lambda _: "9.9")
+        patch.setattr(identity, "version", lambda _: "9.9")
         assert "another version of unlit" in refused()
     with monkeypatch.context() as patch:
-        patch.setattr(module, "code", lambda _: "changed")
-        assert "another version of unlit (other code or renderer)" in refused()
+        patch.setattr(identity, "code", lambda _: "changed")
+        assert "another version of unlit (other code)" in refused()
     head = tiny_run.head()
     moved = changed(head, {"mesh.vertices": head.mesh.vertices + np.float32(0.01)})
     assert "another face or head" in refused(known=tiny_run.steps(fitted=moved))
@@ -192,7 +192,7 @@ def text(values: object) -> np.ndarray:
 #: A table with all its fields, but an iteration that no integer holds.
 ENDLESS = {
     "stage": 1,
-    "identity": {"unlit": ["", ""], "photo": ["", ""], "settings": {}},
+    "identity": vars(tiny_run.identity("")),
     "observation": "",
     "losses": {"stage1": [[float("inf"), 0.0]]},
     "seconds": {},

@@ -7,7 +7,7 @@ import pytest
 
 from unlit.errors import PictureError, SettingsError
 from unlit.output.images import exr
-from unlit.relighting.lights import LIGHTS, exposed, named, sun, turned
+from unlit.relighting.lights import LIGHTS, environment_map, sun, turned, with_unit_irradiance
 from unlit.scene.light import latlong_directions, latlong_solid_angles, uniform
 
 
@@ -46,11 +46,11 @@ def test_sun(azimuth: float, elevation: float, direction: tuple[float, ...]) -> 
 def test_named(tmp_path: Path) -> None:
     """Names, a sun, and a file, whose negative values are cut."""
     for name, make in LIGHTS.items():
-        np.testing.assert_array_equal(named(name), make())
-    np.testing.assert_array_equal(named("sun:-60,30.5"), sun(-60, 30.5))
+        np.testing.assert_array_equal(environment_map(name), make())
+    np.testing.assert_array_equal(environment_map("sun:-60,30.5"), sun(-60, 30.5))
     sky = np.random.default_rng(0).uniform(-0.1, 40, (8, 16, 3)).astype(np.float32)
     (tmp_path / "sky.exr").write_bytes(exr(sky))
-    np.testing.assert_array_equal(named(str(tmp_path / "sky.exr")), np.maximum(sky, 0))
+    np.testing.assert_array_equal(environment_map(str(tmp_path / "sky.exr")), np.maximum(sky, 0))
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_named(tmp_path: Path) -> None:
 def test_unknown_names(name: str) -> None:
     """One line that says what can be given."""
     with pytest.raises(SettingsError, match=r"give .*sun:AZIMUTH,ELEVATION") as caught:
-        named(name)
+        environment_map(name)
     assert "\n" not in str(caught.value)
 
 
@@ -80,16 +80,18 @@ def test_exposed() -> None:
     """The units of a file do not matter, nor does how the light is turned; colour is kept."""
     rng = np.random.default_rng(2)
     sky = (rng.random((40, 80, 3)) ** 8 * (1.0, 0.7, 0.4)).astype(np.float32)
-    light = exposed(sky, "sky.hdr")
-    assert exposed(1000 * sky, "sky.hdr") == pytest.approx(light, rel=1e-4)
-    assert exposed(turned(sky, 90), "sky.hdr") == pytest.approx(turned(light, 90), rel=1e-4)
+    light = with_unit_irradiance(sky, "sky.hdr")
+    assert with_unit_irradiance(1000 * sky, "sky.hdr") == pytest.approx(light, rel=1e-4)
+    assert with_unit_irradiance(turned(sky, 90), "sky.hdr") == pytest.approx(
+        turned(light, 90), rel=1e-4
+    )
     assert light / light.max() == pytest.approx(sky / sky.max(), rel=1e-4)
     # The brightest upright card, by a plain sum over the pixels.
     directions, flux = latlong_directions(40, 80), weights(light.mean(axis=2))
     cards = [(np.sin(a), 0, np.cos(a)) for a in np.arange(0, 2 * np.pi, 0.02)]
     brightest = max((flux * np.maximum(directions @ np.array(n), 0)).sum() for n in cards) / np.pi
     assert brightest == pytest.approx(1, rel=0.01)
-    assert exposed(5 * uniform(), "grey.exr") == pytest.approx(uniform(), rel=2e-3)
-    assert exposed(np.ones((700, 1400), np.float32), "fine.hdr").shape == (512, 1024)
+    assert with_unit_irradiance(5 * uniform(), "grey.exr") == pytest.approx(uniform(), rel=2e-3)
+    assert with_unit_irradiance(np.ones((700, 1400), np.float32), "fine.hdr").shape == (512, 1024)
     with pytest.raises(PictureError, match=r"night\.hdr: black"):
-        exposed(np.zeros((4, 8, 3), np.float32), "night.hdr")
+        with_unit_irradiance(np.zeros((4, 8, 3), np.float32), "night.hdr")

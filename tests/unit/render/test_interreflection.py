@@ -10,7 +10,7 @@ from bumpy_head import View, ball, bumpy_head, camera, filtered, painted, view
 from unlit.machine.runtime import mitsuba
 from unlit.render.interreflection import Interreflection, sample_map, sphere_directions
 from unlit.render.reference import path_trace
-from unlit.render.relighter import composed
+from unlit.render.relighter import image_from_shading
 from unlit.render.transport import Quadrature, shade, visibility
 from unlit.scene.cells import grid_cells, refine
 from unlit.scene.light import disc, flash, uniform
@@ -40,7 +40,7 @@ def rendered(scene: View, maps: Maps, environment: np.ndarray, bounces: int) -> 
         )
         more_e, more_s = interreflection.under(quadrature).shade(radiance, maps)
         e, s = e + more_e, s + more_s
-    return composed(maps, scene.pixel, e, s)
+    return image_from_shading(maps, scene.pixel, e, s)
 
 
 def test_sphere_directions() -> None:

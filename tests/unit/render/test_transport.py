@@ -10,7 +10,7 @@ import pytest
 from bumpy_head import View, ball, bumpy_head, camera, filtered, painted, view
 from unlit.machine.runtime import mitsuba
 from unlit.render.reference import path_trace
-from unlit.render.relighter import composed
+from unlit.render.relighter import image_from_shading
 from unlit.render.transport import (
     Linearization,
     Product,
@@ -83,7 +83,7 @@ def test_direct_light_is_the_path_tracers(name: str) -> None:
     quadrature = Quadrature(cells)
     bits = visibility(scene.mesh.scene, scene.points, quadrature)
     e, s = shade(scene.points, quadrature, bits, cells.average(environment))
-    ours = composed(scene.maps, scene.pixel, e.numpy()[:, None], s.numpy()[:, None])
+    ours = image_from_shading(scene.maps, scene.pixel, e.numpy()[:, None], s.numpy()[:, None])
     inside = scene.inside()
     assert inside.sum() > 1500
     a, b = filtered(ours)[inside], filtered(reference)[inside]

@@ -24,6 +24,7 @@ from skimage.measure import points_in_poly
 
 from ...errors import ModelError, SubjectError
 from ...perception.topology import MULTI_PIE_LANDMARKS
+from ...progress.callbacks import StepProgress
 from ...scene.surface_points import SurfacePoints
 from ...storage.meshes import Surface, read_mesh
 from ..embedding import embed_landmarks
@@ -58,9 +59,7 @@ _BORROWED = ("scalp", "neck", "ears")
 _SIDES = {"_L": "Left", "_R": "Right"}
 
 
-def build(
-    folder: Path, reference: Callable[[], HeadModel], progress: Callable[[str, int, int], None]
-) -> HeadModel:
+def build(folder: Path, reference: Callable[[], HeadModel], progress: StepProgress) -> HeadModel:
     """The model in `folder`, a copy of the repository or its folder FaceXModel.
 
     reference: gives a head whose regions and landmarks are known; asked once all files are read.

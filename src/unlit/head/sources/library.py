@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from ...errors import ModelError
+from ...progress.callbacks import StepProgress
 from ...storage.keys import key
 from ..files import DEFAULT, SUFFIX, added, model_file, models_folder
 from ..model import HeadModel
@@ -15,8 +15,6 @@ from . import ict, makehuman
 
 #: Landmarks of a face span so much, cm: neither inches nor millimetres nor metres do.
 _FACE = (8.0, 40.0)
-
-Progress = Callable[[str, int, int], None]
 
 
 def default_model() -> HeadModel:
@@ -55,10 +53,10 @@ def _of_file(path: Path) -> HeadModel:
     return model
 
 
-def add(name: str, source: Path, progress: Progress) -> Path:
+def add(name: str, source: Path, progress: StepProgress) -> Path:
     """Build the model `name` from the files in `source` and keep it; returns its path.
 
-    progress: called with (what is done now, steps done, of all). Raises ModelError.
+    Raises ModelError.
     """
     if name != "ict":
         raise ModelError(f"{name}: no such head model to add; there is ict (ICT-FaceKit)")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from unlit.errors import OutputError
-from unlit.evaluate.store import Store
+from unlit.evaluate.step_cache import StepCache
 
 
 def test_done_once(tmp_path: Path) -> None:
@@ -26,9 +26,9 @@ def test_done_once(tmp_path: Path) -> None:
         calls.append(1)
         return np.arange(6.0).reshape(2, 3)
 
-    steps = Store(tmp_path / "a" / "b", Busy)
+    steps = StepCache(tmp_path / "a" / "b", Busy)
     first = steps.picture("photo", "k1", make)
-    again = Store(tmp_path / "a" / "b").picture("photo", "k1", make)
+    again = StepCache(tmp_path / "a" / "b").picture("photo", "k1", make)
     assert np.array_equal(first, again)
     assert (len(calls), said) == (1, ["photo"])
     steps.picture("photo", "k2", make)
@@ -49,7 +49,7 @@ def test_a_step_that_fails_leaves_nothing(tmp_path: Path) -> None:
     def interrupted() -> np.ndarray:
         raise KeyboardInterrupt
 
-    steps = Store(tmp_path)
+    steps = StepCache(tmp_path)
     with pytest.raises(KeyboardInterrupt):
         steps.picture("photo", "k", interrupted)
     assert not list(tmp_path.iterdir())
@@ -58,11 +58,11 @@ def test_a_step_that_fails_leaves_nothing(tmp_path: Path) -> None:
 def test_never_unpickles(tmp_path: Path) -> None:
     """A cached file that holds objects is made anew, not opened."""
     np.save(tmp_path / "photo-k.npy", np.array([{}], dtype=object), allow_pickle=True)
-    assert Store(tmp_path).picture("photo", "k", lambda: np.ones(2)).sum() == 2
+    assert StepCache(tmp_path).picture("photo", "k", lambda: np.ones(2)).sum() == 2
 
 
 def test_a_file_where_the_folder_should_be(tmp_path: Path) -> None:
     """One line that names it."""
     (tmp_path / "steps").write_text("")
     with pytest.raises(OutputError, match="steps: cannot be made"):
-        Store(tmp_path / "steps")
+        StepCache(tmp_path / "steps")

@@ -22,7 +22,7 @@ from ..output import load, save, write_one
 Busy = Callable[[str], AbstractContextManager[Any]]
 
 
-class Store:
+class StepCache:
     """A folder of finished steps. `busy` is entered with a step's name while it is being done."""
 
     def __init__(self, folder: Path, busy: Busy = nullcontext) -> None:

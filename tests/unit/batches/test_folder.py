@@ -6,8 +6,8 @@ import fsspec
 import pytest
 from fsspec.implementations.memory import MemoryFileSystem
 
-from unlit.batches.record import Record, Row
-from unlit.batches.store import RECORDS, Store
+from unlit.batches.folder import RECORDS, BatchFolder
+from unlit.batches.record import BatchRow, Record
 from unlit.errors import OutputError
 from unlit.storage.folder import MARK, MARK_TEXT
 
@@ -45,7 +45,7 @@ def fill(folder: Path, text: str) -> None:
     (folder / MARK).write_text(MARK_TEXT + text)
 
 
-def put(store: Store, place: str, text: str) -> None:
+def put(store: BatchFolder, place: str, text: str) -> None:
     with store.result(place, 1000) as folder:
         folder.mkdir(exist_ok=True)
         fill(folder, text)
@@ -53,11 +53,11 @@ def put(store: Store, place: str, text: str) -> None:
 
 def test_a_result_is_put_and_found(url):
     """With a folder in a folder, as for all faces of a photo; replaced by the next."""
-    store = Store(url)
+    store = BatchFolder(url)
     assert not store.is_whole("x/face0")
     put(store, "x/face0", "one")
     put(store, "x/face0", "two")
-    again = Store(store.url)
+    again = BatchFolder(store.url)
     assert again.is_whole("x/face0")
     fs, root = fsspec.filesystem("memory" if "memory" in url else "file"), store.url
     root = root.removeprefix("memory:/")
@@ -66,10 +66,10 @@ def test_a_result_is_put_and_found(url):
 
 def test_records_are_found_by_name(url):
     """Written in one step, read singly and together; damaged and hidden files count as none."""
-    store = Store(url)
+    store = BatchFolder(url)
     assert store.records() == {}
     assert store.record("a") is None
-    record = Record("/p/a.jpg", "k", [Row("/p/a.jpg", "a")])
+    record = Record("/p/a.jpg", None, [BatchRow("/p/a.jpg", "a")])
     store.write(f"{RECORDS}/a.json", record.encode())
     store.write(f"{RECORDS}/b.json", b"{")
     store.write(f"{RECORDS}/..json", record.encode())
@@ -81,7 +81,7 @@ def test_records_are_found_by_name(url):
 
 def test_what_a_killed_process_left_is_removed(tmp_path):
     """Killed while files were moved into place: no mark, half of the files, the staged rest."""
-    store = Store(str(tmp_path))
+    store = BatchFolder(str(tmp_path))
     with store.result("a", 1000) as folder:
         marker = [path.name for path in folder.iterdir()]
         fill(folder, "old")
@@ -98,7 +98,7 @@ def test_what_a_killed_process_left_is_removed(tmp_path):
 
 def test_a_broken_connection_leaves_no_result(monkeypatch):
     """After any number of files the result is not whole, even where an older one was."""
-    store = Store("unreliable://x")
+    store = BatchFolder("unreliable://x")
     put(store, "a", "old")
     for files in (0, 1):
         monkeypatch.setattr(Unreliable, "left", files)
@@ -114,7 +114,7 @@ def test_a_broken_connection_leaves_no_result(monkeypatch):
 def test_urls_that_cannot_be_used(url):
     """One line that names the URL."""
     with pytest.raises(OutputError) as error:
-        Store(url).records()
+        BatchFolder(url).records()
     assert url in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -123,10 +123,10 @@ def test_a_folder_that_cannot_be_written(tmp_path):
     """A file in the place of the folder."""
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="file"):
-        Store(str(tmp_path / "file")).write("batch.csv", b"")
+        BatchFolder(str(tmp_path / "file")).write("batch.csv", b"")
 
 
 def test_a_file_is_no_folder(tmp_path) -> None:
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(OutputError, match="a file, not a folder"):
-        Store(str(tmp_path / "notes.txt"))
+        BatchFolder(str(tmp_path / "notes.txt"))

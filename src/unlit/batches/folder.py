@@ -34,7 +34,7 @@ _RECORD_LIMIT = 1 << 20
 _BEGUN = ".unlit-begun"
 
 
-class Store:
+class BatchFolder:
     """The batch's folder `url`. What cannot be read or written raises OutputError.
 
     url: a path, made absolute, or a URL such as s3://bucket/folder, for which s3fs is needed.
