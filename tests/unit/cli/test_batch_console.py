@@ -2,6 +2,7 @@
 
 import io
 import time
+from collections import Counter
 
 import pytest
 from rich.console import Console
@@ -39,3 +40,17 @@ def test_it_says_at_the_end_what_was_done_before() -> None:
     with BatchConsole(Console(file=text, width=200)) as watch:
         watch(Counts(5, before=3, failed=2), [])
     assert text.getvalue().splitlines() == ["5 of 5, 3 done before, 2 failed"]
+
+
+def test_it_says_once_why_photos_are_done_again() -> None:
+    """Before the first of them; not a line for each photo."""
+    anew = Counter({"another head model": 1, "another version of unlit (other code)": 4})
+    text = io.StringIO()
+    with BatchConsole(Console(file=text, width=200)) as watch:
+        for running in (1, 2):
+            watch(Counts(5, workers=2, running=running, anew=anew), [])
+    assert text.getvalue().splitlines()[:3] == [
+        "anew  1 photo: the earlier result is of another head model",
+        "anew  4 photos: the earlier result is of another version of unlit (other code)",
+        "0 of 5, 2 workers, 1 running for up to 0:00",
+    ]
