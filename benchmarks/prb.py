@@ -182,9 +182,9 @@ def baseline_rows(
     iterations = sum(stage.iterations for stage in TABLE_1.values())
     lines = []
     for row in rows:
-        seconds = sum(v for k, v in row.face.metrics["seconds"].items() if k.startswith("stage"))
+        seconds = sum(v for k, v in row.face.metrics.seconds.items() if k.startswith("stage"))
         settings = row.face.settings
-        own = seconds / max(1, sum(settings[stage]["iterations"] for stage in TABLE_1))
+        own = seconds / max(1, sum(getattr(settings, stage).iterations for stage in TABLE_1))
         ours = [cell.metrics["gained"]["face"] for cell in row.relit]
         found = fit(row.face)
         truth = row.maps["albedo_psnr"]
