@@ -108,9 +108,9 @@ def test_it_is_found_at_any_size(monkeypatch, scale: int) -> None:
     points = np.array([[0.2, 0.3]]) * size
     none = SurfacePoints.empty(1)
     observed = Observation(image, regions, face > 0.5, face, camera, points, points, points, none)
-    lit = cast_shadow(observed, large(ABOVE) > 0.5, PRESETS["draft"])
-    assert lit is not None and lit.shape == (size, size)
-    assert agreement(lit < 0.5, large(hat) > 0.5) > 0.9
+    visibility = cast_shadow(observed, large(ABOVE) > 0.5, PRESETS["draft"])
+    assert visibility is not None and visibility.shape == (size, size)
+    assert agreement(visibility < 0.5, large(hat) > 0.5) > 0.9
     small = seen[0]
     assert vars(small.camera) == vars(Camera(SIZE, SIZE, 3.0 * SIZE, 0.4 * SIZE, 0.6 * SIZE))
     np.testing.assert_allclose(small.landmarks, np.array([[0.2, 0.3]]) * SIZE)
@@ -120,11 +120,11 @@ def test_it_is_found_at_any_size(monkeypatch, scale: int) -> None:
 def test_the_shading_has_the_shadow() -> None:
     """Its level and colour, not the details, which are the skin's; elsewhere nothing changes."""
     render = np.full((SIZE, SIZE, 3), 0.3) * FACE[..., None]
-    lit = np.where(FACE & (Y < 80), 0, 1).astype(np.float32)
+    visibility = np.where(FACE & (Y < 80), 0, 1).astype(np.float32)
     left = np.array([0.5, 0.4, 0.3])
-    image = render * np.where(lit[..., None] == 0, left, 1.5)
+    image = render * np.where(visibility[..., None] == 0, left, 1.5)
     image = image * (1 + 0.2 * (-1.0) ** (X + Y))[..., None]
-    found = attenuation(image, render, lit, CastShadow())
+    found = attenuation(image, render, visibility, CastShadow())
     core = FACE & (Y < 70) & (abs(X - 128) < 30)
     np.testing.assert_allclose(found[core], np.broadcast_to(left, found[core].shape), rtol=0.06)
-    np.testing.assert_array_equal(found[lit == 1], 1)
+    np.testing.assert_array_equal(found[visibility == 1], 1)

@@ -48,8 +48,8 @@ def test_each_names_its_share(face, place, value, share, word):
 
 def test_a_cast_shadow_names_its_share(face):
     inside = face.face.mask > 0
-    lit = np.where(np.cumsum(inside).reshape(inside.shape) < 0.2 * inside.sum(), 0, 1)
-    (sentence,) = warnings(changed(face, {"conditions.visibility": lit.astype(np.float32)}))
+    visibility = np.where(np.cumsum(inside).reshape(inside.shape) < 0.2 * inside.sum(), 0, 1)
+    (sentence,) = warnings(changed(face, {"conditions.visibility": visibility.astype(np.float32)}))
     assert sentence.startswith("Cast shadow: 20% of the face")
 
 

@@ -172,9 +172,11 @@ def test_unseen_half_is_mirrored(atlas):
 
 def test_what_lies_in_a_cast_shadow_is_not_measured(r, atlas):
     """It is filled in like what the camera does not see."""
-    lit = (np.arange(r.face.mask.shape[1]) < 0.5 * r.face.mask.shape[1]) * np.ones_like(r.face.mask)
-    shadowed = bake(changed(r, {"conditions.visibility": lit}), SIZE)
-    left = bake(changed(r, {"face.mask": r.face.mask * lit}), SIZE)
+    visibility = (np.arange(r.face.mask.shape[1]) < 0.5 * r.face.mask.shape[1]) * np.ones_like(
+        r.face.mask
+    )
+    shadowed = bake(changed(r, {"conditions.visibility": visibility}), SIZE)
+    left = bake(changed(r, {"face.mask": r.face.mask * visibility}), SIZE)
     np.testing.assert_array_equal(shadowed.confidence, left.confidence)
     assert (shadowed.confidence >= GRAZING).sum() < 0.7 * (atlas.confidence >= GRAZING).sum()
 

@@ -54,8 +54,10 @@ def test_round_trip_is_exact(face, folder):
 
 
 def test_where_something_else_casts_its_shadow(face, tmp_path):
-    lit = np.linspace(0, 1, face.face.mask.size, dtype=np.float32).reshape(face.face.mask.shape)
-    shadowed = changed(face, {"conditions.visibility": lit})
+    visibility = np.linspace(0, 1, face.face.mask.size, dtype=np.float32).reshape(
+        face.face.mask.shape
+    )
+    shadowed = changed(face, {"conditions.visibility": visibility})
     save(shadowed, tmp_path / "a")
     assert_same(load(tmp_path / "a"), shadowed)
 

@@ -28,7 +28,7 @@ def test_choice(which: str | int, number: int) -> None:
 @pytest.mark.parametrize(
     ("which", "reason"),
     [
-        ("only", "4 faces found; choose one with --face largest, left, right or N"),
+        ("only", "4 faces found; choose the face largest, left, right or N"),
         (4, "no face 4; 4 found: use largest, left, right or 0 to 3"),
         ("middle", "no face 'middle'"),
     ],
@@ -38,7 +38,7 @@ def test_no_choice(which: str | int, reason: str) -> None:
         choose(FACES, which, "a.jpg")
     with pytest.raises(FaceError, match="no face found"):
         choose([], which, "a.jpg")
-    with pytest.raises(FaceError, match="only one found: leave --face out"):
+    with pytest.raises(FaceError, match="only one found: do not choose"):
         choose(FACES[:1], 1, "a.jpg")
 
 

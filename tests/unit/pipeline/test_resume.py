@@ -44,15 +44,15 @@ def test_from_stage_1_repeats_the_run(face, tmp_path):
 def test_a_cast_shadow_is_no_evidence(face):
     """What is dark there leaves no trace; continued, it is left out again."""
     seen = tiny_run.photo()
-    lit = np.ones(seen.image.shape[:2], np.float32)
-    lit[:14] = 0
+    visibility = np.ones(seen.image.shape[:2], np.float32)
+    visibility[:14] = 0
     image = seen.image.copy()
     image[:14] *= 0.3
-    conditions = Conditions(visibility=lit)
+    conditions = Conditions(visibility=visibility)
     dark = tiny_run.steps(replace(seen, image=image), conditions=conditions)
     result = tiny_run.run(known=dark)
     other = tiny_run.run(known=tiny_run.steps(seen, conditions=conditions))
-    np.testing.assert_array_equal(result.conditions.visibility, lit)
+    np.testing.assert_array_equal(result.conditions.visibility, visibility)
     assert result.face.mask[:14].max() == 1
     albedo = result.face.maps.diffuse_albedo
     np.testing.assert_array_equal(albedo, other.face.maps.diffuse_albedo)
