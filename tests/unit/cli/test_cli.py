@@ -16,6 +16,7 @@ import unlit
 from unlit import cli
 from unlit.cli import settings
 from unlit.errors import FaceError, ModelError
+from unlit.face.reconstruction import Metrics
 from unlit.settings import settings as schedule
 
 COMMANDS = ("reconstruct", "demo", "evaluate", "montage", "models", "doctor")
@@ -109,7 +110,9 @@ def test_wrong_usage_is_2(capsys, arguments):
 def test_settings_in_order_of_precedence(photo, pipeline, tmp_path, capsys, monkeypatch):
     """Preset, then --config, then --resolution and --seed, then --set."""
     monkeypatch.setattr("unlit.output.save", lambda *_: None)
-    pipeline.run = lambda options: types.SimpleNamespace(metrics={})
+    head = types.SimpleNamespace(landmark_residual=0.02)
+    result = types.SimpleNamespace(head=head, metrics=Metrics({}, {}, 700.0))
+    pipeline.run = lambda options: result
     config = tmp_path / "c.toml"
     config.write_text("resolution = 300\nseed = 5\nclip = 2.0\n[stage2]\niterations = 7\n")
     arguments = ("--preset", "draft", "--config", str(config), "--resolution", "400")
