@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -17,7 +17,7 @@ def changed(whole: T, parts: dict[str, object]) -> T:
     return whole
 
 
-def part(whole: object, place: str) -> object:
+def part(whole: Any, place: str) -> Any:
     """What is at a dotted place."""
     for name in place.split("."):
         whole = getattr(whole, name)
