@@ -12,13 +12,17 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+from painting import SKINS, Features, paint
+
 from unlit.color import encode_srgb
-from unlit.evaluate.subject import SKINS, Features, Subject, paint
+from unlit.evaluate.subject import Subject
 from unlit.head.eyelids import eyeballs
 from unlit.head.landmark_error import FILE, LandmarkError, terms
 from unlit.head.model import LANDMARKS, HeadModel
@@ -110,12 +114,10 @@ def _painted(
 ) -> Subject:
     eyes = np.any(eyeballs(model), axis=0)
     brows = (landmarks[list(RIGHT_EYEBROW[:5])], landmarks[list(LEFT_EYEBROW[:5])])
-    features = Features(landmarks[list(LIPS_OUTER)], brows)
+    features = Features(landmarks[list(LIPS_OUTER)], brows, eyes)
     skin = str(rng.choice(list(SKINS)))
     freckles, lipstick = int(rng.integers(0, 150)), bool(rng.random() < 0.15)
-    maps = paint(
-        *(vertices, model.triangles, eyes, camera, features, skin, seed), freckles, lipstick
-    )
+    maps = paint(vertices, model.triangles, camera, features, skin, seed, freckles, lipstick)
     mask = np.ones((camera.height, camera.width), dtype=bool)
     return Subject("simulated", vertices, model.triangles, camera, maps, mask)
 
