@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from geometry import SIZE
+from painting import SKINS
 from subjects import SHARED, ict
 
 import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is loaded
@@ -28,7 +29,6 @@ from unlit.evaluate.command import light
 from unlit.evaluate.metrics import check_packages
 from unlit.evaluate.protocol import Shot, ShotResult, Study
 from unlit.evaluate.step_cache import StepCache
-from unlit.evaluate.subject import SKINS
 from unlit.evaluate.table import Table, markdown
 from unlit.settings.settings import PRESETS
 from unlit.storage.keys import key

@@ -16,6 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 from common import DISTANCE, WIDTH
+from painting import Features, paint
 from scipy.spatial.transform import Rotation
 
 import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is loaded
@@ -23,8 +24,8 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 # isort: split
 from unlit.evaluate.protocol import KnownSubject
 from unlit.evaluate.scan import Scan
-from unlit.evaluate.subject import Features, Subject, paint
-from unlit.evaluate.subject_file import read_subject
+from unlit.evaluate.subject import Subject
+from unlit.evaluate.subject_mesh import read_subject
 from unlit.head.eyelids import eyeballs
 from unlit.head.sources.library import default_model
 from unlit.perception.topology import FACE_OVAL, LEFT_EYEBROW, LIPS_OUTER, RIGHT_EYEBROW
@@ -80,8 +81,8 @@ def own(
     for ball in eyeballs(model):
         eyes |= ball
     brows = (contour(RIGHT_EYEBROW[:5]), contour(LEFT_EYEBROW[:5]))
-    features = Features(contour(LIPS_OUTER), brows)
-    maps = paint(vertices, model.triangles, eyes, camera, features, skin, seed)
+    features = Features(contour(LIPS_OUTER), brows, eyes)
+    maps = paint(vertices, model.triangles, camera, features, skin, seed)
     mask = np.zeros((size, size), np.uint8)
     cv2.fillPoly(mask, [np.round(contour(FACE_OVAL)).astype(np.int32)], 1)
     mask = cv2.erode(mask, np.ones((5, 5), np.uint8)) > 0

@@ -88,10 +88,10 @@ def put_stand_ins(kind: str) -> None:
 
         unlit.output.export = read  # type: ignore[assignment]
     if kind.startswith("subject"):
-        from unlit.evaluate import command, subject_file
+        from unlit.evaluate import command, subject_mesh
 
         def check(subject: Path, *_: Any) -> None:
-            subject_file.read_subject(subject, 64)
+            subject_mesh.read_subject(subject, 64)
             raise UnlitError(READ)
 
         command.run_check = check  # type: ignore[assignment]

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from painting import Features, paint
 from scipy.spatial.transform import Rotation
 
-from unlit.evaluate.subject import Features, Subject, paint
+from unlit.evaluate.subject import Subject
 from unlit.scene.camera import Camera
 
 # Vertex ranges: everything up to the teeth is opaque head; then two eyeballs; then see-through
@@ -56,11 +57,10 @@ def ict_subject(
     eyes = np.zeros(_USED, dtype=bool)
     eyes[_EYES] = True
     lips = np.concatenate([seen[48:60]])
-    features = Features(lips, (seen[17:22], seen[22:27]))
+    features = Features(lips, (seen[17:22], seen[22:27]), eyes)
     maps = paint(
         vertices,
         triangles,
-        eyes,
         camera,
         features,
         skin,

@@ -12,16 +12,19 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+from painting import SKINS, Features, paint
+
 from unlit.color import encode_srgb
-from unlit.evaluate.subject import SKINS, Features, Subject, paint
+from unlit.evaluate.subject import Subject
 from unlit.head.eyelids import eyeballs
-from unlit.head.landmark_error import FILE
-from unlit.head.learn.landmark_error import learn
+from unlit.head.landmark_error import FILE, LandmarkError, terms
 from unlit.head.model import LANDMARKS, HeadModel
 from unlit.head.sources.library import default_model
 from unlit.perception.landmarks import find_faces
@@ -36,6 +39,7 @@ _SAMPLES = 16
 #: Degrees.
 _YAW, _PITCH, _ROLL = 42.0, 15.0, 15.0
 _EXPRESSIVE = 0.6
+_RIDGE = 1.0
 _MOUTH, _UPPER = ("mouth", "jaw"), ("brow", "cheek", "nose", "eyeSquint", "eyeBlink", "eyeWide")
 
 
@@ -110,12 +114,10 @@ def _painted(
 ) -> Subject:
     eyes = np.any(eyeballs(model), axis=0)
     brows = (landmarks[list(RIGHT_EYEBROW[:5])], landmarks[list(LEFT_EYEBROW[:5])])
-    features = Features(landmarks[list(LIPS_OUTER)], brows)
+    features = Features(landmarks[list(LIPS_OUTER)], brows, eyes)
     skin = str(rng.choice(list(SKINS)))
     freckles, lipstick = int(rng.integers(0, 150)), bool(rng.random() < 0.15)
-    maps = paint(
-        *(vertices, model.triangles, eyes, camera, features, skin, seed), freckles, lipstick
-    )
+    maps = paint(vertices, model.triangles, camera, features, skin, seed, freckles, lipstick)
     mask = np.ones((camera.height, camera.width), dtype=bool)
     return Subject("simulated", vertices, model.triangles, camera, maps, mask)
 
@@ -131,6 +133,26 @@ def partners(model: HeadModel) -> np.ndarray:
     for row in (LIPS_INNER[:11], LIPS_INNER[11:]):
         result[list(row)] = row[::-1]
     return result
+
+
+def learn(
+    errors: np.ndarray, yaw: np.ndarray, pitch: np.ndarray, mirror: np.ndarray
+) -> LandmarkError:
+    """The error's mean from N examples, by least squares with a little damping.
+
+    errors: (N, 478, 2) detected minus true, cm, roll undone. yaw, pitch: (N,) radians.
+    mirror: (478,) each point's partner: a mirrored photo is an example, too.
+    """
+    errors = np.concatenate([errors, errors[:, mirror] * (-1, 1)])
+    flat = errors.reshape(len(errors), -1)
+    rows = terms(np.concatenate([yaw, -yaw]), np.concatenate([pitch, pitch]))
+    size = np.maximum(rows.std(axis=0), 1e-9)
+    size[0] = 1
+    scaled = rows / size
+    ridge = np.diag([0.0, *np.full(rows.shape[1] - 1, _RIDGE)])
+    return LandmarkError(
+        np.linalg.solve(scaled.T @ scaled + ridge, scaled.T @ flat) / size[:, None]
+    )
 
 
 def main(heads: int = _HEADS) -> None:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field
+from typing import Annotated, Literal
 
-import msgspec
+from msgspec import Meta
 
 from ..storage.identity import Identity
-
-#: Version of the file.
-FORMAT = 1
+from ..storage.tables import typed
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,8 @@ class Record:
 
     photo: str
     identity: Identity | None
-    rows: list[BatchRow]
+    rows: Annotated[list[BatchRow], Meta(min_length=1)]
+    format: Literal[1] = 1
 
     def results(self, identity: Identity | None) -> dict[str, BatchRow]:
         """The results made from that, by their folders."""
@@ -54,51 +52,17 @@ class Record:
 
     def encode(self) -> bytes:
         """The file's content; names that are no text are kept by JSON's escapes."""
-        values = {"format": FORMAT, **dataclasses.asdict(self)}
-        return (json.dumps(values, indent=1) + "\n").encode()
+        return (json.dumps(asdict(self), indent=1) + "\n").encode()
 
     @staticmethod
     def decode(content: bytes) -> Record | None:
         """The record in `content`, or None if it is none: its photo then counts as not done."""
         try:
-            values = json.loads(content)
-            rows = [_row(row) for row in values["rows"]]
-            if values["format"] != FORMAT or not rows:
-                return None
-            made_from = values["identity"]
-            identity = None if made_from is None else msgspec.convert(made_from, Identity)
-            return Record(_of(str, values["photo"]), identity, rows)
-        except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
+            return typed(json.loads(content), Record)
+        except (ValueError, RecursionError):
             return None
 
 
 def readable(text: str) -> str:
     """`text` that a table or terminal takes: names may hold control characters, or no text."""
     return "".join(char if char.isprintable() else "\N{REPLACEMENT CHARACTER}" for char in text)
-
-
-def _row(values: dict[str, Any]) -> BatchRow:
-    return BatchRow(
-        photo=_of(str, values["photo"]),
-        folder=_of(str, values["folder"]),
-        error=_of(str, values["error"]),
-        warnings=[_of(str, line) for line in _of(list, values["warnings"])],
-        seconds=_numbers(values["seconds"]),
-        landmark_residual=_number_or_none(values["landmark_residual"]),
-        render_psnr=_number_or_none(values["render_psnr"]),
-        losses=_numbers(values["losses"]),
-    )
-
-
-def _numbers(values: Any) -> dict[str, float]:
-    return {name: float(value) for name, value in _of(dict, values).items()}
-
-
-def _number_or_none(value: Any) -> float | None:
-    return None if value is None else float(value)
-
-
-def _of(kind: type, value: Any) -> Any:
-    if not isinstance(value, kind):
-        raise TypeError(f"{value!r} is no {kind.__name__}")
-    return value

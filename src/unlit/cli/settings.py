@@ -119,14 +119,9 @@ def settings_of(options: argparse.Namespace) -> Settings:
 
 def _config(path: Path) -> dict[str, Any]:
     """Settings of a TOML file: at its top level, or in the table `settings` of a saved result."""
-    from ..storage.toml import read_toml
+    from ..storage.tables import read_toml
 
-    try:
-        values = read_toml(path)
-    except OSError as error:
-        raise SettingsError(f"{path}: cannot be read ({error.strerror})") from error
-    except ValueError as error:
-        raise SettingsError(f"{path}: no valid TOML ({error})") from error
+    values = read_toml(path, SettingsError)
     inner = values.get("settings", values)
     if not isinstance(inner, dict):
         raise SettingsError(f"{path}: settings must be a table")

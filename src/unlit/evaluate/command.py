@@ -29,7 +29,8 @@ from .metrics import check_packages
 from .persons import consistency
 from .protocol import NamedLight, ShotResult, Study
 from .step_cache import StepCache
-from .subject_file import files_of, read_subject
+from .subject_file import files_of
+from .subject_mesh import read_subject
 from .table import Table, markdown, page, tables
 
 _STAGES = (1, 2, 3, 4, 5)

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
-from .manifest import Asset, Package, Url
+from .manifest import Asset, Package
 
 #: Called with (asset, bytes so far, bytes in total); the last call has both equal.
 FetchProgress = Callable[[Asset, int, int], None]
@@ -40,13 +40,13 @@ class SourceError(Exception):
     """A source did not deliver: why, in one line."""
 
 
-def fetched(source: Url | Package, entry: Asset, folder: Path, progress: FetchProgress) -> Path:
+def fetched(source: str | Package, entry: Asset, folder: Path, progress: FetchProgress) -> Path:
     """What `source` says is `entry`, in the empty `folder`; not yet verified.
 
     Never much more than the expected bytes reach the disk. Raises SourceError or OSError.
     """
     path = folder / entry.file
-    if isinstance(source, Url):
+    if isinstance(source, str):
         _download(source, path, entry, progress)
         return path
     archive = _archive(source, entry, folder, progress)
@@ -56,9 +56,9 @@ def fetched(source: Url | Package, entry: Asset, folder: Path, progress: FetchPr
     return path
 
 
-def _download(source: Url, path: Path, entry: Asset, progress: FetchProgress) -> None:
+def _download(address: str, path: Path, entry: Asset, progress: FetchProgress) -> None:
     try:
-        with urllib.request.urlopen(source.url, timeout=_CONNECT_SECONDS) as answer:
+        with urllib.request.urlopen(address, timeout=_CONNECT_SECONDS) as answer:
             _copy_bounded(answer, path, entry, progress)
     except urllib.error.HTTPError as error:
         raise SourceError(f"answered {error.code}") from error

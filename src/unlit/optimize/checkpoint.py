@@ -10,9 +10,9 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -26,6 +26,7 @@ from ..storage.arrays import Kind, check_indices, read_checked
 from ..storage.folder import write_one
 from ..storage.identity import Identity
 from ..storage.keys import key
+from ..storage.tables import typed
 from .estimate import Estimate
 from .observation import Observation
 from .problem import Problem
@@ -54,6 +55,19 @@ _KINDS = {
 }
 
 
+@dataclass(frozen=True)
+class _About:
+    """The plain values of the file. stage: how many are done. observation: key of what was seen.
+    losses, seconds: as in RunRecord.
+    """
+
+    stage: Annotated[int, msgspec.Meta(ge=0, le=len(TABLE_1))]
+    identity: Identity
+    observation: str
+    losses: dict[str, list[tuple[int, float]]]
+    seconds: dict[str, float]
+
+
 class Checkpoint:
     """The file in which a run keeps its state, and from which it is resumed.
 
@@ -66,10 +80,8 @@ class Checkpoint:
         self.path = path
         self._identity: Identity | None = None
         self._observation = ""
-        self._about: dict[str, Any] = {}
-        if resume and path.exists():
-            self._about = _read_about(path)
-        self.stage: int = self._about.get("stage", 0)
+        self._about = _read_about(path) if resume and path.exists() else None
+        self.stage = self._about.stage if self._about else 0
 
     def belongs_to(self, identity: Identity) -> None:
         """Say whose state it is, before anything is computed.
@@ -77,7 +89,7 @@ class Checkpoint:
         Raises OutputError of one line when the file is of another run.
         """
         self._identity = identity
-        if self._about and (what := self._about["identity"].difference(identity)):
+        if self._about and (what := self._about.identity.difference(identity)):
             raise OutputError(f"{self.path.parent}: its unfinished run is of {what}; {_REMEDY}")
 
     def begin(self, problem: Problem, run: RunRecord) -> Begin | None:
@@ -85,11 +97,11 @@ class Checkpoint:
 
         run: to which the seconds of the earlier run are added. Raises OutputError.
         """
-        seen = self._observation = _observation_key(problem.observation)
+        self._observation = _observation_key(problem.observation)
         if not self._about:
             self.discard()
             return None
-        if self._about["observation"] != seen:
+        if self._about.observation != self._observation:
             raise OutputError(
                 f"{self.path.parent}: in its unfinished run another face or head was found; "
                 f"{_REMEDY}"
@@ -102,26 +114,21 @@ class Checkpoint:
         names = ("diffuse_normal", "specular_normal")
         diffuse, specular = (device(mi.Vector3f, found.pop(name)) for name in names)
         estimate = Estimate.of(found)
-        for name, value in self._about["seconds"].items():
+        for name, value in self._about.seconds.items():
             run.seconds[name] = run.seconds.get(name, 0.0) + value
         if self.stage >= 3:
             problem.place(estimate.vertices, triangle)
         # Stage 2 has the cells refined for what stage 1 has found.
         cells = cells if self.stage >= 2 else None
-        return Begin(self.stage, estimate, cells, (diffuse, specular), self._about["losses"])
+        return Begin(self.stage, estimate, cells, (diffuse, specular), self._about.losses)
 
     def keep(
         self, stage: str, problem: Problem, estimate: Estimate, shading: Shading, run: RunRecord
     ) -> None:
         """Put the end of `stage` in the place of what the file held. Raises OutputError."""
         assert self._identity is not None
-        about = {
-            "stage": 1 + list(TABLE_1).index(stage),
-            "identity": asdict(self._identity),
-            "observation": self._observation,
-            "losses": run.losses,
-            "seconds": run.seconds,
-        }
+        done = 1 + list(TABLE_1).index(stage)
+        about = _About(done, self._identity, self._observation, run.losses, run.seconds)
         arrays = {
             **estimate.arrays(),
             "cell_theta": shading.cells.theta,
@@ -129,7 +136,7 @@ class Checkpoint:
             "triangle": problem.hits.triangle.numpy(),
             "diffuse_normal": shading.points.diffuse_normal.numpy().T,
             "specular_normal": shading.points.specular_normal.numpy().T,
-            "about": np.frombuffer(json.dumps(about).encode(), np.uint8),
+            "about": np.frombuffer(json.dumps(asdict(about)).encode(), np.uint8),
         }
         stream = io.BytesIO()
         np.savez(
@@ -153,23 +160,10 @@ def _observation_key(seen: Observation) -> str:
     return key(*(getattr(seen, name) for name in names), vars(seen.camera))
 
 
-_DAMAGE = (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
-
-
-def _read_about(path: Path) -> dict[str, Any]:
-    """The table of plain values in the file, its types checked. Raises OutputError."""
+def _read_about(path: Path) -> _About:
+    """The plain values in the file. Raises OutputError."""
     found, _ = read_checked(path, _ABOUT, remedy=_REMEDY)
     try:
-        about = json.loads(found["about"].tobytes())
-        return {
-            "stage": range(len(TABLE_1) + 1).index(about["stage"]),
-            "identity": msgspec.convert(about["identity"], Identity),
-            "observation": str(about["observation"]),
-            "losses": {
-                str(name): [(int(i), float(loss)) for i, loss in pairs]
-                for name, pairs in about["losses"].items()
-            },
-            "seconds": {str(name): float(value) for name, value in about["seconds"].items()},
-        }
-    except _DAMAGE as error:
+        return typed(json.loads(found["about"].tobytes()), _About)
+    except (ValueError, RecursionError) as error:
         raise OutputError(f"{path}: about is damaged; {_REMEDY}") from error

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -77,46 +78,42 @@ def export(
     from .atlas import bake
 
     progress("baking the atlas", 0, 2)
-    atlas = bake(reconstruction, size)
     back = _way(folder.resolve(), Path(source).resolve())
-    job = ExportJob(reconstruction, atlas, directx, back)
+    job = ExportJob(reconstruction, bake(reconstruction, size), directx, back)
     writers: Writers = {}
     if only_maps:
         files = {file for name in only_maps for file in MAP_FILES[name]}
-        every = atlas_pngs(atlas, directx) | _exrs(job)
+        every = atlas_pngs(job.atlas, directx) | _exrs(job)
         writers = {file: every[file] for file in every if file in files}
     else:
         for name in formats:
             writers |= FORMATS[name](job)
-    table = {
-        "unlit": version("unlit"),
-        "photo": reconstruction.photo.name,
-        "source": back,
-        "formats": [] if only_maps else sorted(formats),
-        "size": size,
-        "normals": "y down (DirectX) in PNG" if directx else "y up (OpenGL)",
-        "files": sorted([*writers, MARK]),
-    }
-    text = f"{MARK_TEXT}. What each file holds: docs/outputs.md of unlit.\n\n{tomli_w.dumps(table)}"
+    text = _mark(job, [] if only_maps else sorted(formats), size, writers)
     writers[MARK] = lambda path: path.write_text(text, encoding="utf-8")
     steps = len(writers) + 1
 
-    def told(number: int, name: str, write: Callable[[Path], object]) -> Callable[[Path], object]:
-        def step(path: Path) -> None:
-            progress(f"writing {name}", number, steps)
-            write(path)
+    def told(number: int, name: str, path: Path) -> None:
+        progress(f"writing {name}", number, steps)
+        writers[name](path)
 
-        return step
-
-    write_all(
-        folder,
-        {name: told(1 + n, name, write) for n, (name, write) in enumerate(writers.items())},
-        MARK,
-        MARK_TEXT,
-        _listed(folder / MARK),
-    )
+    steps_by_name = {name: partial(told, 1 + n, name) for n, name in enumerate(writers)}
+    write_all(folder, steps_by_name, MARK, MARK_TEXT, _listed(folder / MARK))
     progress("done", steps, steps)
     return folder
+
+
+def _mark(job: ExportJob, formats: list[str], size: int, files: Iterable[str]) -> str:
+    """The text of export.toml."""
+    table = {
+        "unlit": version("unlit"),
+        "photo": job.reconstruction.photo.name,
+        "source": job.back,
+        "formats": formats,
+        "size": size,
+        "normals": "y down (DirectX) in PNG" if job.directx else "y up (OpenGL)",
+        "files": sorted([*files, MARK]),
+    }
+    return f"{MARK_TEXT}. What each file holds: docs/outputs.md of unlit.\n\n{tomli_w.dumps(table)}"
 
 
 def _listed(mark: Path) -> list[str]:

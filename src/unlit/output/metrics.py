@@ -10,6 +10,9 @@ import msgspec
 from ..errors import OutputError
 from ..face.conditions import LightEstimate
 from ..face.reconstruction import Metrics, Reconstruction
+from ..storage.tables import explained, read_bytes
+
+_LIMIT = 16 << 20
 
 
 @dataclass(frozen=True)
@@ -51,9 +54,11 @@ def metrics_json(r: Reconstruction) -> str:
     return msgspec.json.format(msgspec.json.encode(file), indent=1).decode() + "\n"
 
 
-def read_metrics(path: Path, text: str) -> MetricsFile:
+def read_metrics(path: Path) -> MetricsFile:
     """The content of `path`. Raises OutputError."""
+    content = read_bytes(path, OutputError, _LIMIT)
     try:
-        return msgspec.json.decode(text, type=MetricsFile)
+        return msgspec.json.decode(content, type=MetricsFile)
     except (msgspec.DecodeError, RecursionError) as error:
-        raise OutputError(f"{path}: not valid ({error}); reconstruct the photo again") from error
+        what = f"not valid ({explained(error)})"
+        raise OutputError(f"{path}: {what}; reconstruct the photo again") from error

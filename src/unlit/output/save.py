@@ -5,29 +5,24 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Callable, Mapping
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import tomli_w
 
 from ..face.reconstruction import Reconstruction
-from ..settings.settings import as_dict
-from ..storage.folder import CHECKPOINT, MARK, MARK_TEXT, REPORT, STAGES, write_all
+from ..storage.folder import CHECKPOINT, MARK, REPORT, STAGES, write_all
 from .arrays import write_arrays
 from .export import atlas_pngs
 from .geometry import mtl, obj, ply
 from .images import MAPS, exr, png
 from .metrics import metrics_json
 from .montage import montage_png
+from .result_file import result_toml
 from .textures import PNGS
 
 if TYPE_CHECKING:
     from .atlas import Atlas
-
-#: Version of reconstruction.toml and .npz.
-FORMAT = 1
 
 _FRAME = (
     "right-handed, x right, y up, camera at the origin looking along -z, centimetres; "
@@ -89,7 +84,7 @@ def save(
         "light.json": _json(_light(r)),
         "camera.json": _json(_camera(r)),
         "metrics.json": metrics_json(r),
-        MARK: _toml(r),
+        MARK: result_toml(r, FILES),
         LOG: log,
     }
     writers: dict[str, Callable[[Path], object]] = {
@@ -124,31 +119,6 @@ def _text(text: str) -> Callable[[Path], object]:
     return lambda path: path.write_text(text, encoding="utf-8")
 
 
-def _toml(r: Reconstruction) -> str:
-    table = {
-        "format": FORMAT,
-        "unlit": version("unlit"),
-        "photo": r.photo.name,
-        "camera": {
-            "width": r.face.camera.width,
-            "height": r.face.camera.height,
-            "focal": float(r.face.camera.focal),
-            "cx": float(r.face.camera.cx),
-            "cy": float(r.face.camera.cy),
-        },
-        "crop": {"resolution": r.photo.crop.resolution, "matrix": r.photo.crop.matrix.tolist()},
-        "light": {"color": r.light.color, "gain": r.gain},
-        "settings": as_dict(r.settings),
-        "files": FILES,
-    }
-    head = (
-        f"{MARK_TEXT}. Read it with unlit.load; the arrays are in reconstruction.npz.\n"
-        "# camera: focal, cx, cy in pixels of the crop. crop.matrix: photo to crop pixels.\n"
-        "# light: color in linear sRGB; albedo was multiplied by gain, the light divided by it.\n\n"
-    )
-    return head + tomli_w.dumps(_plain(table))
-
-
 def _camera(r: Reconstruction) -> dict[str, Any]:
     camera = r.face.camera
     return {
@@ -174,15 +144,6 @@ def _light(r: Reconstruction) -> dict[str, Any]:
 
 
 def _json(value: Any) -> str:
-    return json.dumps(_plain(value), indent=1, ensure_ascii=False) + "\n"
-
-
-def _plain(value: Any) -> Any:
-    """`value` with NumPy's types and tuples turned into Python's numbers and lists."""
-    if isinstance(value, dict):
-        return {str(key): _plain(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    return value
+    return (
+        json.dumps(value, indent=1, ensure_ascii=False, default=lambda array: array.tolist()) + "\n"
+    )

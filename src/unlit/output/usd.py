@@ -28,16 +28,29 @@ def usda(atlas: Atlas, directx: bool = False) -> bytes:
     directx: whether the PNG normals have y down. Raises OutputError without usd-core.
     """
     try:
-        from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+        from pxr import Usd, UsdGeom, UsdShade, Vt
     except ImportError:
         raise OutputError("usd: needs a further package; run `pip install 'unlit[usd]'`") from None
 
-    mesh = atlas.mesh
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     root = UsdGeom.Xform.Define(stage, "/head")
     stage.SetDefaultPrim(root.GetPrim())
+    face = _face(stage, atlas.mesh)
+    material = _material(stage, directx)
+    UsdShade.MaterialBindingAPI.Apply(face.GetPrim()).Bind(material)
+    for index in np.unique(atlas.part):
+        rows = np.flatnonzero(atlas.part == index).astype(np.int32)
+        part = UsdGeom.Subset.CreateGeomSubset(
+            face, PARTS[index], UsdGeom.Tokens.face, Vt.IntArray.FromNumpy(rows)
+        )
+        part.CreateFamilyNameAttr("part")
+    return stage.GetRootLayer().ExportToString().encode()
+
+
+def _face(stage: Any, mesh: Welded) -> Any:
+    from pxr import Gf, Sdf, UsdGeom, Vt
 
     face = UsdGeom.Mesh.Define(stage, "/head/face")
     position = _centred(mesh)
@@ -52,6 +65,11 @@ def usda(atlas: Atlas, directx: bool = False) -> bytes:
         "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex
     )
     uv.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(mesh.uv)))
+    return face
+
+
+def _material(stage: Any, directx: bool) -> Any:
+    from pxr import Gf, Sdf, UsdShade
 
     def texture(name: str, file: str, space: str, **remap: tuple[float, ...]) -> Any:
         node = UsdShade.Shader.Define(stage, f"/head/material/{name}")
@@ -86,14 +104,7 @@ def usda(atlas: Atlas, directx: bool = False) -> bytes:
         node.CreateOutput(output, kinds.Float if output == "r" else kinds.Float3)
         surface.CreateInput(name, kind).ConnectToSource(node.ConnectableAPI(), output)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
-    UsdShade.MaterialBindingAPI.Apply(face.GetPrim()).Bind(material)
-    for index in np.unique(atlas.part):
-        rows = np.flatnonzero(atlas.part == index).astype(np.int32)
-        part = UsdGeom.Subset.CreateGeomSubset(
-            face, PARTS[index], UsdGeom.Tokens.face, Vt.IntArray.FromNumpy(rows)
-        )
-        part.CreateFamilyNameAttr("part")
-    return stage.GetRootLayer().ExportToString().encode()
+    return material
 
 
 def _centred(mesh: Welded) -> np.ndarray:

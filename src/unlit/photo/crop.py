@@ -34,10 +34,9 @@ class Crop:
 
     def __post_init__(self) -> None:
         matrix = np.asarray(self.matrix, dtype=np.float64)
-        scale = matrix[0, 0]
-        if matrix.shape != (2, 3) or not np.array_equal(matrix[:, :2], scale * np.eye(2)):
+        if matrix.shape != (2, 3) or not np.array_equal(matrix[:, :2], matrix[0, 0] * np.eye(2)):
             raise ValueError("a crop is upright and square: matrix must be scale and shift only")
-        if not (np.isfinite(matrix).all() and scale > 0 and self.resolution > 0):
+        if not (np.isfinite(matrix).all() and matrix[0, 0] > 0 and self.resolution > 0):
             raise ValueError("a crop's scale and resolution must be positive")
         object.__setattr__(self, "matrix", matrix)
 

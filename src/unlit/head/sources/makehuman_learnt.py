@@ -1,4 +1,4 @@
-"""What the MakeHuman head lacks and was learnt for it, as shipped; `head/learn` makes the files.
+"""What the MakeHuman head lacks and was learnt for it, as shipped; tools/learn_*.py make the files.
 
 MakeHuman's targets are an artist's: they say nothing about how common a shape is, and no mixture of
 them makes the folds that faces have at lips, chin and eyes. Prior and displacement come from

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from simulated_errors import learn
 
 from unlit.head.landmark_error import LandmarkError
-from unlit.head.learn.landmark_error import learn
 from unlit.head.model import LANDMARKS
 
 

@@ -5,9 +5,9 @@ ICT Vision and Graphics Lab, MIT licence) is a statistical model made from scans
 random identities from it, fits MakeHuman's axes to each of their surfaces, and keeps mean and
 covariance of the coefficients. The fit is Gaussian, so its posterior covariance enters too: what a
 surface does not tell about an axis stays as uncertain as the artist's standard deviation makes it.
-What the axes cannot make of those surfaces is in displacement.py.
+What the axes cannot make of those surfaces is in learn_displacement.py.
 
-    python -m unlit.head.learn.prior ICT.npz        writes sources/makehuman_prior.npz
+    python tools/learn_prior.py ICT.npz    writes src/unlit/head/sources/makehuman_prior.npz
 
 ICT.npz holds the model's `neutral` (V, 3) cm, `identity` (100, V, 3) of one standard deviation
 each, `triangles` (F, 3) and `landmarks_multipie68` (68,) vertices, as in its public OBJ files.
@@ -24,14 +24,14 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from ...machine.assets import asset
-from ...perception.topology import MULTI_PIE_LANDMARKS
-from ...scene.normals import vertex_normals
-from ..basis import principal_combinations
-from ..model import VERTEX_REGIONS, HeadModel
-from ..procrustes import procrustes
-from ..sources.makehuman import ASSET, KEEP, build_unlearnt, inner_product_weights
-from ..sources.makehuman_learnt import PRIOR_FILE
+from unlit.head.basis import principal_combinations
+from unlit.head.model import VERTEX_REGIONS, HeadModel
+from unlit.head.procrustes import procrustes
+from unlit.head.sources.makehuman import ASSET, KEEP, build_unlearnt, inner_product_weights
+from unlit.head.sources.makehuman_learnt import PRIOR_FILE
+from unlit.machine.assets import asset
+from unlit.perception.topology import MULTI_PIE_LANDMARKS
+from unlit.scene.normals import vertex_normals
 
 # The part of ICT's mesh that is skin: face, head and neck.
 _ICT_SKIN = 11_248

@@ -1,16 +1,16 @@
 """Find the landmarks on the MakeHuman head, as shipped.
 
-python -m unlit.head.learn.embedding       writes sources/makehuman_landmarks.npz
+python tools/learn_landmarks.py    writes src/unlit/head/sources/makehuman_landmarks.npz
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ...machine.assets import asset
-from ..embedding import embed_landmarks
-from ..sources.makehuman import ASSET, build
-from ..sources.makehuman_learnt import LANDMARKS_FILE
+from unlit.head.embedding import embed_landmarks
+from unlit.head.sources.makehuman import ASSET, build
+from unlit.head.sources.makehuman_learnt import LANDMARKS_FILE
+from unlit.machine.assets import asset
 
 
 def main() -> None:

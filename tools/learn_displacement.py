@@ -2,11 +2,14 @@
 
 Fitted to a face, MakeHuman's axes leave a millimetre, and with it most of the error of the
 normals: folds at lips, chin and eyes that only the artist's head has. `main` fits the learnt model
-(prior.py) to random identities of ICT-FaceKit (USC ICT Vision and Graphics Lab, MIT licence), moves
-every vertex of its skin along the mean head's normal until it lies on the surface, as smoothly as
-that goes, and keeps mean and principal components of the heights. Mirrored faces count, too.
+(learn_prior.py) to random identities of ICT-FaceKit (USC ICT Vision and Graphics Lab, MIT licence),
+moves every vertex of its skin along the mean head's normal until it lies on the surface, as
+smoothly as that goes, and keeps mean and principal components of the heights. Mirrored faces
+count, too.
 
-    python -m unlit.head.learn.displacement ICT.npz       writes sources/makehuman_displacement.npz
+    python tools/learn_displacement.py ICT.npz
+
+writes src/unlit/head/sources/makehuman_displacement.npz.
 """
 
 from __future__ import annotations
@@ -16,17 +19,17 @@ from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
+from learn_prior import Fitter, Surface, identities
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
 
-from ...machine.assets import asset
-from ...scene.normals import vertex_normals
-from ..basis import vertex_areas
-from ..eyelids import eyeballs
-from ..model import VERTEX_REGIONS, HeadModel
-from ..sources.makehuman import ASSET, build_flat, inner_product_weights
-from ..sources.makehuman_learnt import DISPLACEMENT_FILE, DisplacementBasis
-from .prior import Fitter, Surface, identities
+from unlit.head.basis import vertex_areas
+from unlit.head.eyelids import eyeballs
+from unlit.head.model import VERTEX_REGIONS, HeadModel
+from unlit.head.sources.makehuman import ASSET, build_flat, inner_product_weights
+from unlit.head.sources.makehuman_learnt import DISPLACEMENT_FILE, DisplacementBasis
+from unlit.machine.assets import asset
+from unlit.scene.normals import vertex_normals
 
 # Components that are kept; docs/geometry.md has what more of them, or none, would give.
 _COMPONENTS = 20

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from learn_displacement import Registration
+from learn_prior import Surface
 from scipy.spatial import KDTree
 
 from unlit.head.eyelids import eyeballs
-from unlit.head.learn.displacement import Registration
-from unlit.head.learn.prior import Surface
 from unlit.head.model import HeadModel
 from unlit.head.sources.makehuman_learnt import shipped_displacement
 from unlit.scene.normals import vertex_normals

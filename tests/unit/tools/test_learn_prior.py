@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from learn_prior import Fitter, Surface
 from scipy.spatial.transform import Rotation
 
-from unlit.head.learn.prior import Fitter, Surface
 from unlit.head.model import HeadModel
 from unlit.head.sources.makehuman import inner_product_weights
 from unlit.head.sources.makehuman_learnt import shipped_displacement, shipped_prior
