@@ -29,8 +29,9 @@ def read_bytes(path: Path, error: type[UnlitError], limit: int) -> bytes:
     try:
         with path.open("rb") as file:
             content = file.read(limit + 1)
-    except OSError as cause:
-        raise error(f"{path}: cannot be read ({cause.strerror})") from cause
+    except (OSError, ValueError) as cause:  # ValueError: a null character in its name
+        why = getattr(cause, "strerror", None) or cause
+        raise error(f"{path}: cannot be read ({why})") from cause
     if len(content) > limit:
         raise error(f"{path}: more than {limit >> 20} MB")
     return content

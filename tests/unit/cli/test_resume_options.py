@@ -3,6 +3,7 @@
 import sys
 import types
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ def calls(monkeypatch) -> list:
         return run
 
     for module, function in (("chain", "reconstruct"), ("resume", "resume")):
-        fake = types.ModuleType(f"unlit.pipeline.{module}")
+        fake: Any = types.ModuleType(f"unlit.pipeline.{module}")
         setattr(fake, function, stand_in(function))
         fake.check_resumable = lambda *_: None
         monkeypatch.setitem(sys.modules, fake.__name__, fake)
