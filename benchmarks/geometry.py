@@ -34,8 +34,6 @@ import cv2
 import numpy as np
 from subjects import SHARED, ict, lee_perry_smith, own
 
-import unlit
-
 # isort: split
 from threadpoolctl import threadpool_limits
 
@@ -63,6 +61,7 @@ from unlit.perception.topology import FACE_OVAL, LEFT_EYE, LIPS_INNER, RIGHT_EYE
 from unlit.photo.photo import Photo
 from unlit.pipeline.chain import Steps, run_chain
 from unlit.pipeline.observe import observe
+from unlit.render.relighter import Relighter
 from unlit.settings.fit import LandmarkFit, ShadingFit
 from unlit.settings.settings import PRESETS, Settings
 from unlit.storage.keys import key
@@ -308,12 +307,11 @@ def relit(case: Case, model: HeadModel, fit: HeadFit, settings: Settings) -> dic
     posed = PosedMesh(fit.vertices, model.triangles, model.uv, model.triangle_uv)
     head = FittedHead(posed, fit.landmarks.astype(np.float32), model.landmark_points)
     steps = Steps(lambda _: case.photo, lambda *_: head, lambda *_: Conditions())
-    result = run_chain(steps, settings, RunRecord(lambda *_: None))
-    face = result.face
+    face = run_chain(steps, settings, RunRecord(lambda *_: None)).face
     mask = (face.mask > 0.5) & (case.normal != 0).any(axis=2)
-    figures = {}
+    relighter, figures = Relighter(face), {}
     for shot in case.shots:
-        image = unlit.relight(result, shot.light.environment)
+        image = relighter(shot.light.environment)
         gain = best_gain(image, shot.image, mask)
         figures[f"relit_{shot.light.name}"] = psnr(image * gain, shot.image, mask)
     mesh = visible_surface(face.mesh.vertices, face.mesh.triangles, face.camera)[1]

@@ -36,6 +36,7 @@ from unlit.optimize.run_record import RunRecord
 from unlit.photo.photo import Photo
 from unlit.pipeline.chain import Steps, run_chain
 from unlit.pipeline.observe import observe
+from unlit.render.relighter import Relighter
 from unlit.scene.light import RASTER, disc, latlong_solid_angles
 from unlit.settings.settings import PRESETS
 from unlit.storage.pictures import read_picture
@@ -87,7 +88,8 @@ def reconstructed(photo: FacePhoto, head: FittedHead) -> Reconstruction:
 
 def one_light(photo: FacePhoto, head: FittedHead) -> tuple[Way, Reconstruction]:
     made = reconstructed(photo, head)
-    relit = {x: unlit.relight(made, e) for x, e in WHITE.items()}
+    relighter = Relighter(made.face)
+    relit = {x: relighter(e) for x, e in WHITE.items()}
     return (made.face.maps.diffuse_albedo, relit), made
 
 
@@ -103,7 +105,8 @@ def light_of_each_channel(photo: FacePhoto, head: FittedHead) -> Way:
     def together(images: list[np.ndarray]) -> np.ndarray:
         return np.stack([x[..., 0] * g for x, g in zip(images, gains, strict=True)], axis=2)
 
-    relit = {x: together([unlit.relight(face, e) for face in faces]) for x, e in WHITE.items()}
+    relighters = [Relighter(face.face) for face in faces]
+    relit = {x: together([relight(e) for relight in relighters]) for x, e in WHITE.items()}
     return together([face.face.maps.diffuse_albedo for face in faces]), relit
 
 

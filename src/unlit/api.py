@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import sys
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import nullcontext
@@ -20,9 +21,9 @@ from .output.montage import montage, montage_png
 from .output.save import save as save_files
 from .pipeline import chain
 from .pipeline import resume as resuming
-from .progress.callbacks import StepProgress, silent
+from .progress.callbacks import silent
 from .progress.console import RunConsole, StepConsole
-from .relighting.lights import environment_map
+from .relighting.lights import FILES, environment_map, with_unit_irradiance
 from .render.relighter import Relighter
 from .scene.light import SphericalGaussians
 from .settings.settings import PRESETS, Settings, override
@@ -45,8 +46,12 @@ class Result(Reconstruction):
     """
 
     def relight(self, light: AnyLight) -> np.ndarray:
-        """See `unlit.relight`."""
-        return relight(self, light)
+        """See `unlit.relight`; what does not depend on the light is computed once."""
+        return self._relighter(_environment(light))
+
+    @functools.cached_property
+    def _relighter(self) -> Relighter:
+        return Relighter(self.face)
 
     def save(self, folder: str | Path) -> None:
         """See `unlit.save`."""
@@ -85,7 +90,7 @@ def reconstruct(
     model: the head model to fit, if not the one that the settings name.
     mask: a picture file or an array (H, W) of the photo's size, uint8 to 255 or others in [0, 1];
         0 leaves skin out.
-    progress: show a progress bar, on a terminal or in a notebook.
+    progress: show a progress bar, on a terminal or in a notebook; elsewhere plain lines.
 
     Raises PhotoError, FaceError, ModelError, SettingsError or MachineError.
 
@@ -128,15 +133,15 @@ def relight(result: Reconstruction, light: AnyLight) -> np.ndarray:
 
     light: radiance as a latitude-longitude map (H, W) or (H, W, 3) in the world frame of
     scene/camera.py, spherical Gaussians, or what `unlit.lights.environment_map` reads: "flash",
-    "uniform", "side", "sun:AZIMUTH,ELEVATION", or an .hdr or .exr file. Deterministic, with
-    self-shadowing and inter-reflection. Raises SettingsError or PictureError.
+    "uniform", "side", "sun:AZIMUTH,ELEVATION", or an .hdr or .exr file, which is brought to the
+    strength of these: a white card where it gets most light renders as 1. Deterministic, with
+    self-shadowing and inter-reflection; `Result.relight` is faster for several lights.
+    Raises SettingsError or PictureError.
 
     >>> unlit.relight(result, unlit.lights.sun(45, 30)).shape
     (256, 256, 3)
     """
-    if isinstance(light, str | Path):
-        light = environment_map(str(light))
-    return Relighter(result.face)(light)
+    return Relighter(result.face)(_environment(light))
 
 
 def save(result: Reconstruction, folder: str | Path) -> None:
@@ -169,18 +174,17 @@ def export(
 ) -> Path:
     """Write the result saved in `folder` for other programs; returns the export's folder.
 
-    into: FOLDER/export if None. formats: keys of output.export.FORMATS. size: texels a side of
-    the textures, 512 to 4096. Raises SettingsError or OutputError.
+    into: FOLDER/export if None. formats: of glb, obj, ply, exr, mitsuba, blender, usd. size: texels
+    a side of the textures, 512 to 4096. Raises SettingsError or OutputError.
 
     >>> place = unlit.export(folder, formats=["ply"], progress=False)
     >>> (place / "mesh.ply").exists()
     True
     """
     source = Path(folder)
-    report: StepProgress = StepConsole() if progress else silent
-    return export_files(
-        load_reconstruction(source), into or source / "export", source, formats, size, False, report
-    )
+    result, place = load_reconstruction(source), into or source / "export"
+    with StepConsole() if progress else nullcontext(silent) as report:
+        return export_files(result, place, source, formats, size, False, report)
 
 
 def batch(
@@ -191,6 +195,7 @@ def batch(
     face: str | int = "only",
     settings: Mapping[str, Any] | None = None,
     scheduler: str | None = None,
+    progress: bool = True,
 ) -> list[Any]:
     """Reconstruct many photos into `folder` (a path or URL), on all cores or a Dask cluster.
 
@@ -202,12 +207,29 @@ def batch(
     []
     """
     from .batches import require_extra
-    from .batches.run import run_batch
+    from .batches.run import Counts, run_batch
 
     require_extra()
     chosen = override(_preset(preset), dict(settings or {}))
     files = [Path(photo).resolve() for photo in photos]
-    return run_batch(files, str(folder), chosen, face, scheduler, silent)
+
+    def watch(counts: Counts, rows: list[Any]) -> None:
+        del rows
+        if counts.photos:
+            report("photos", counts.finished, counts.photos)
+
+    with StepConsole() if progress else nullcontext(silent) as report:
+        return run_batch(files, str(folder), chosen, face, scheduler, watch)
+
+
+def _environment(light: AnyLight) -> np.ndarray | SphericalGaussians:
+    """The light as `Relighter` takes it; files as `unlit relight` does."""
+    if not isinstance(light, str | Path):
+        return light
+    environment = environment_map(str(light))
+    if Path(light).suffix.lower() in FILES:
+        environment = with_unit_irradiance(environment, str(light))
+    return environment
 
 
 def _preset(preset: str | Settings) -> Settings:

@@ -5,6 +5,12 @@ class UnlitError(Exception):
     """Base class. The message names the input that was wrong and what to do about it.
 
     argument: name of the argument or setting that mends it, where there is one.
+
+    >>> try:
+    ...     unlit.load("no such folder")
+    ... except unlit.UnlitError as error:
+    ...     print(error)
+    no such folder: ...
     """
 
     def __init__(self, message: str, argument: str = "") -> None:

@@ -70,8 +70,8 @@ def run_batch(
 ) -> list[BatchRow]:
     """Reconstruct every photo into `folder` (a path or URL) that is not done, and sum it up.
 
-    photos: absolute paths, which the workers see, too. face: as for `pipeline.reconstruct`, or
-    "all". memory: bytes that workers on this machine may take together. Returns the rows of all
+    photos: absolute paths, which the workers see, too. face: as for `chain.reconstruct`, or "all".
+    memory: bytes that workers on this machine may take together. Returns the rows of all
     photos in order. An interruption ends the work on the photos at hand; what is done stays, and
     the next call goes on. Raises OutputError and MachineError.
     """

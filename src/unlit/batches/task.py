@@ -36,7 +36,7 @@ class PhotoTask:
     """One photo to be done.
 
     photo: its path. name: of its result. store: the batch's folder or URL. settings: nested plain
-    values. face: as for `pipeline.reconstruct`, or "all".
+    values. face: as for `pipeline.chain.reconstruct`, or "all".
     """
 
     photo: str

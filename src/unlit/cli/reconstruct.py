@@ -251,6 +251,8 @@ def _save(log: Log, result: Any, folder: Path, states: _States) -> None:
     if (residual := result.head.landmark_residual) is not None:
         log.say(f"landmark_residual  {residual:.4g}")
     log.say(f"peak_memory_mb  {result.metrics.peak_memory_mb:.4g}")
+    if (luminance := result.photo.white_luminance) is not None:
+        log.say(f"unit_cd_m2  {luminance:.4g}")
     for warning in result.metrics.warnings:
         log.say(f"warning  {warning}")
     pages = {

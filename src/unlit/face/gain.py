@@ -69,6 +69,8 @@ class AlbedoGain:
     ) -> None:
         self.known = known or _NOTHING
         if photo is None or conditions is None:
+            if self.known != _NOTHING:
+                raise ValueError("what is known is known of a photo")
             return
         check_exposure(self.known, photo.white_luminance)
         self._photo, self._conditions = photo, conditions

@@ -17,7 +17,8 @@ class FacePhoto:
 
     name: the photo's file name. image: (S, S, 3) float32 linear sRGB, >= 0. camera: the crop's
     pinhole camera; crop: where the crop lies in the photo. regions: soft masks in [0, 1] of skin,
-    lips, eyes, eyebrows, mouth and background. landmarks: (L, 2) float32, pixels of the crop.
+    lips, eyes, eyebrows, mouth and background. landmarks: (478, 3) float64, pixels of the crop,
+    z in pixels, near is small.
     white_luminance: cd/m^2 of the linear value 1; None where the photo does not tell it.
     """
 

@@ -77,10 +77,9 @@ def solve(
             keeper.keep(stage, problem, estimate, shading, run)
         show(stage, estimate, shading)
 
-    first = None if keeper is None else keeper.begin(problem, run)
-    if first is not None:
-        run.losses.update(first.losses)
-    show("fit", first.estimate if first else start(problem), None)
+    first = (keeper.begin(problem, run) if keeper else None) or Begin(0, start(problem))
+    run.losses.update(first.losses)
+    show("fit", first.estimate, None)
     # Two pools of threads that both spin while waiting cost 2 to 7 times the time: the cores
     # belong to Dr.Jit.
     with threadpool_limits(1, user_api="blas"):

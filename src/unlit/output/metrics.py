@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import msgspec
@@ -21,7 +22,7 @@ class MetricsFile:
     light. unit_cd_m2: luminance of the photo's linear value 1.
     """
 
-    losses: dict[str, list[tuple[int, float]]]
+    losses: dict[str, list[tuple[int, float | None]]]
     seconds: dict[str, float]
     peak_memory_mb: float
     warnings: tuple[str, ...] = ()
@@ -33,13 +34,13 @@ class MetricsFile:
 
     def metrics(self) -> Metrics:
         """The part that `Reconstruction.metrics` has."""
-        return Metrics(
-            self.losses,
-            self.seconds,
-            self.peak_memory_mb,
-            self.warnings,
-            self.continued_from_stage,
-        )
+        own = {field.name: getattr(self, field.name) for field in fields(Metrics)}
+        return Metrics(**own | {"losses": {name: _numbers(p) for name, p in self.losses.items()}})
+
+
+def _numbers(pairs: list[tuple[int, float | None]]) -> list[tuple[int, float]]:
+    """JSON has no NaN and no infinity: a loss that was one is null there."""
+    return [(iteration, math.nan if loss is None else loss) for iteration, loss in pairs]
 
 
 def metrics_json(r: Reconstruction) -> str:

@@ -19,7 +19,7 @@ from ..storage.folder import MARK_TEXT
 from ..storage.tables import read_toml, typed
 
 #: Version of reconstruction.toml and .npz.
-FORMAT = 1
+FORMAT = 2
 
 _HEAD = (
     f"{MARK_TEXT}. Read it with unlit.load; the arrays are in reconstruction.npz.\n"

@@ -67,6 +67,9 @@ class Photo:
         EXIF (CALIBRATION), or None.
     source: the file's name, for messages.
     colours: how the colours were found, for the log: by the ICC profile, or as sRGB.
+
+    >>> unlit.Photo.of(np.full((64, 64, 3), 255, np.uint8)).pixels.max()
+    np.float32(1.0)
     """
 
     pixels: np.ndarray
@@ -124,6 +127,10 @@ def read_photo(path: Path | str) -> Photo:
     Raises PhotoError, with a message of one line, if it is missing, unreadable, no picture,
     damaged, or has fewer than `MIN_SIDE` pixels a side or more than `MAX_PIXELS` in all; the
     size is checked before the pixels are decoded.
+
+    >>> photo = unlit.read_photo(file)
+    >>> photo.pixels.shape, photo.pixels.dtype
+    ((512, 512, 3), dtype('float32'))
     """
     path = Path(path)
     data = _read_bytes(path)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -37,6 +38,7 @@ from .assemble import assemble
 from .identity import identity_of, photo_content
 from .observe import observe
 
+Made = TypeVar("Made")
 #: Called with (stage, the result so far) after the fit and after every stage.
 Preview = Callable[[str, Reconstruction], None]
 
@@ -45,11 +47,12 @@ FitHead = Callable[[FacePhoto, Settings], FittedHead]
 
 @dataclass(frozen=True)
 class Steps:
-    """The steps before the stages."""
+    """The steps before the stages. kept: they only hand on what an earlier run found."""
 
     observe: Callable[[Settings], FacePhoto]
     fit_head: FitHead
     estimate_conditions: Callable[[FacePhoto, FittedHead, Settings], Conditions]
+    kept: bool = False
 
 
 def steps_of(
@@ -85,20 +88,24 @@ def run_chain(
     preview: Preview | None = None,
 ) -> Reconstruction:
     """All steps in order. Raises FaceError, SettingsError or OutputError."""
-    run.begins("perception")
-    photo = steps.observe(settings)
-    run.lap("perception")
-    run.begins("fit")
-    head = steps.fit_head(photo, settings)
-    run.lap("fit")
-    conditions = steps.estimate_conditions(photo, head, settings)
-    run.lap("conditions")
+
+    def timed(step: str, make: Callable[[], Made]) -> Made:
+        if steps.kept:
+            return make()
+        run.begins(step)
+        made = make()
+        run.lap(step)
+        return made
+
+    photo = timed("perception", lambda: steps.observe(settings))
+    head = timed("fit", lambda: steps.fit_head(photo, settings))
+    conditions = timed("conditions", lambda: steps.estimate_conditions(photo, head, settings))
 
     def show(stage: str, solution: Solution) -> None:
         if preview is not None:
             preview(stage, assemble(photo, head, conditions, solution, run))
 
-    solution = solve(photo, head, conditions, settings, run, keeper, preview and show)
+    solution = solve(photo, head, conditions, settings, run, keeper, show if preview else None)
     run.begins("finish")
     return assemble(photo, head, conditions, solution, run)
 

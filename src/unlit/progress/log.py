@@ -11,6 +11,7 @@ LABELS = {
     "photo": "reading the photo",
     "perception": "finding the face",
     "fit": "fitting the head",
+    "conditions": "looking for shadows and the light's colour",
     "stage1": "stage 1: base colour and light",
     "stage2": "stage 2: low-frequency albedo",
     "stage3": "stage 3: shape",

@@ -37,7 +37,10 @@ class Settings:
 
     The first five fields are Table 1; the others are readings of what the paper leaves open;
     docs/method.md tells which were measured and how. `override` holds every value to its range;
-    the constructor and `dataclasses.replace` trust their caller.
+    the constructor and `dataclasses.replace` only see that bounds are in order.
+
+    >>> unlit.PRESETS["draft"].resolution
+    256
     """
 
     stage1: Stage = TABLE_1["stage1"]
@@ -169,6 +172,10 @@ def override(settings: Settings, changes: dict[str, Any]) -> Settings:
 
     Values may be text or of the right type. Raises SettingsError that names the field when it is
     unknown or the value does not fit.
+
+    >>> changed = unlit.override(unlit.PRESETS["draft"], {"stage2.iterations": "20"})
+    >>> changed.stage2.iterations
+    20
     """
     return _changed(settings, changes, "")
 

@@ -9,7 +9,7 @@ from .keys import key
 
 @dataclass(frozen=True)
 class Identity:
-    """All that decides a result: where it is equal, the result is the same to the bit.
+    """What unlit knows to decide a result; on one machine, equal ones give the same bits.
 
     photo: name of the picture's file. content: key of the file, or of its pixels and what else
     is known of it. face: which one was chosen. mask: key of the user's mask, "" without one.

@@ -148,8 +148,8 @@ def test_metrics_of_other_types_are_refused(folder, field, value):
 @pytest.mark.parametrize(
     ("old", "new", "named"),
     [
-        ("format = 1", "format = 99", "format 99"),
-        ("format = 1", "", "format: is missing"),
+        ("format = 2", "format = 99", "format 99"),
+        ("format = 2", "", "format: is missing"),
         ("photo = ", "picture = ", "photo: is missing"),
         ("focal = ", 'focal = "x" #', "camera.focal: Expected `float`, got `str`"),
         ("[crop]", "[crops]", "crop: is missing"),
