@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -34,8 +35,9 @@ class MetricsFile:
 
     def metrics(self) -> Metrics:
         """The part that `Reconstruction.metrics` has."""
-        own = {field.name: getattr(self, field.name) for field in fields(Metrics)}
-        return Metrics(**own | {"losses": {name: _numbers(p) for name, p in self.losses.items()}})
+        own: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(Metrics)}
+        own["losses"] = {name: _numbers(pairs) for name, pairs in self.losses.items()}
+        return Metrics(**own)
 
 
 def _numbers(pairs: list[tuple[int, float | None]]) -> list[tuple[int, float]]:
