@@ -23,6 +23,7 @@ from .pipeline import chain
 from .pipeline import resume as resuming
 from .progress.callbacks import silent
 from .progress.console import RunConsole, StepConsole
+from .relighting.command import OWN_LIGHT
 from .relighting.lights import FILES, environment_map, with_unit_irradiance
 from .render.relighter import Relighter
 from .scene.light import SphericalGaussians
@@ -47,7 +48,7 @@ class Result(Reconstruction):
 
     def relight(self, light: AnyLight) -> np.ndarray:
         """See `unlit.relight`; what does not depend on the light is computed once."""
-        return self._relighter(_environment(light))
+        return self._relighter(_environment(self, light))
 
     @functools.cached_property
     def _relighter(self) -> Relighter:
@@ -75,7 +76,7 @@ def reconstruct(
     preset: str | Settings = "paper",
     *,
     face: str | int = "only",
-    model: HeadModel | None = None,
+    model: HeadModel | str | None = None,
     mask: str | Path | np.ndarray | None = None,
     settings: Mapping[str, Any] | None = None,
     progress: bool = True,
@@ -87,7 +88,7 @@ def reconstruct(
         a Settings. settings: what differs from it, by dotted name.
     face: "only" (several faces are an error), "largest", "left", "right", or a number counted
         from the largest, 0.
-    model: the head model to fit, if not the one that the settings name.
+    model: the head model to fit, or its name or file, if not the one that the settings name.
     mask: a picture file or an array (H, W) of the photo's size, uint8 to 255 or others in [0, 1];
         0 leaves skin out.
     progress: show a progress bar, on a terminal or in a notebook; elsewhere plain lines.
@@ -99,6 +100,8 @@ def reconstruct(
     >>> result = unlit.reconstruct(astronaut(), "draft", settings=quick, progress=False)
     """
     chosen = override(_preset(preset), dict(settings or {}))
+    if isinstance(model, str):
+        chosen, model = override(chosen, {"head_model": model}), None
     plan = cost.plan(chosen.resolution, chosen.iterations(), cost.cores())
     with RunConsole(plan) if progress else nullcontext(silent) as console:
         made = chain.reconstruct(
@@ -108,7 +111,7 @@ def reconstruct(
 
 
 def resume(
-    result: Reconstruction,
+    result: Reconstruction | str | Path,
     stage: int,
     *,
     settings: Mapping[str, Any] | None = None,
@@ -116,12 +119,15 @@ def resume(
 ) -> Result:
     """Run the stages from `stage` (1 to 5) on again, from the maps, light and mesh of `result`.
 
-    settings: what differs from the result's own. Raises SettingsError.
+    result: or the folder where it was saved. settings: what differs from the result's own.
+    Raises SettingsError or OutputError.
 
     >>> again = unlit.resume(result, 5, settings={"stage5.iterations": 20}, progress=False)
     >>> again.metrics.continued_from_stage
     5
     """
+    if not isinstance(result, Reconstruction):
+        result = load_reconstruction(result)
     chosen = override(result.settings, dict(settings or {}))
     plan = cost.plan(chosen.resolution, chosen.iterations(stage - 1), cost.cores())
     with RunConsole(plan) if progress else nullcontext(silent) as console:
@@ -133,15 +139,15 @@ def relight(result: Reconstruction, light: AnyLight) -> np.ndarray:
 
     light: radiance as a latitude-longitude map (H, W) or (H, W, 3) in the world frame of
     scene/camera.py, spherical Gaussians, or what `unlit.lights.environment_map` reads: "flash",
-    "uniform", "side", "sun:AZIMUTH,ELEVATION", or an .hdr or .exr file, which is brought to the
-    strength of these: a white card where it gets most light renders as 1. Deterministic, with
+    "uniform", "side", "photo" (the reconstructed one), "sun:AZIMUTH,ELEVATION", or an .hdr or .exr
+    file, which is brought to the strength of these: a white card where it gets most light renders as 1. Deterministic, with
     self-shadowing and inter-reflection; `Result.relight` is faster for several lights.
     Raises SettingsError or PictureError.
 
     >>> unlit.relight(result, unlit.lights.sun(45, 30)).shape
     (256, 256, 3)
     """
-    return Relighter(result.face)(_environment(light))
+    return Relighter(result.face)(_environment(result, light))
 
 
 def save(result: Reconstruction, folder: str | Path) -> None:
@@ -181,6 +187,8 @@ def export(
     >>> (place / "mesh.ply").exists()
     True
     """
+    if isinstance(folder, Reconstruction):
+        raise SettingsError("export takes the folder of a result: save the result first")
     source = Path(folder)
     result, place = load_reconstruction(source), into or source / "export"
     with StepConsole() if progress else nullcontext(silent) as report:
@@ -207,9 +215,10 @@ def batch(
     []
     """
     from .batches import require_extra
-    from .batches.run import Counts, run_batch
 
     require_extra()
+    from .batches.run import Counts, run_batch
+
     chosen = override(_preset(preset), dict(settings or {}))
     files = [Path(photo).resolve() for photo in photos]
 
@@ -222,11 +231,17 @@ def batch(
         return run_batch(files, str(folder), chosen, face, scheduler, watch)
 
 
-def _environment(light: AnyLight) -> np.ndarray | SphericalGaussians:
-    """The light as `Relighter` takes it; files as `unlit relight` does."""
-    if not isinstance(light, str | Path):
+def _environment(result: Reconstruction, light: AnyLight) -> np.ndarray | SphericalGaussians:
+    """The light as `Relighter` takes it; names and files as `unlit relight` does."""
+    if isinstance(light, SphericalGaussians):
         return light
-    environment = environment_map(str(light))
+    if isinstance(light, np.ndarray):
+        if light.ndim not in (2, 3) or light.shape[2:] not in ((), (3,)):
+            raise SettingsError(f"light of shape {light.shape}: give a map (H, W) or (H, W, 3)")
+        return light
+    if str(light) == OWN_LIGHT:
+        return result.light
+    environment = environment_map(str(light), (OWN_LIGHT,))
     if Path(light).suffix.lower() in FILES:
         environment = with_unit_irradiance(environment, str(light))
     return environment

@@ -54,6 +54,12 @@ def test_a_result_shows_itself(shared_names: dict[str, object], tmp_path: Path) 
     assert isinstance(result, unlit.Result)
     assert result._repr_png_()[:8] == b"\x89PNG\r\n\x1a\n"
     assert len(repr(result)) < 200
+    own = result.relight("photo")
+    assert np.abs(own - result.images.render)[result.face.mask > 0.5].mean() < 0.05
+    with pytest.raises(unlit.SettingsError, match="shape"):
+        result.relight(np.ones(5))
+    with pytest.raises(unlit.SettingsError, match="save the result first"):
+        unlit.export(result)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -63,6 +69,8 @@ def test_a_result_shows_itself(shared_names: dict[str, object], tmp_path: Path) 
         (lambda: unlit.reconstruct("a.jpg", settings={"stage9": 1}), "stage9"),
         (lambda: unlit.reconstruct("no-such.jpg", progress=False), "no-such.jpg"),
         (lambda: unlit.load("no-such-folder"), "no-such-folder"),
+        (lambda: unlit.resume("no-such-folder", 4), "no-such-folder"),
+        (lambda: unlit.reconstruct("a.jpg", model="no-such-head", progress=False), "a.jpg|head"),
     ],
 )
 def test_mistakes_are_named(call: object, said: str) -> None:
