@@ -140,9 +140,10 @@ def relight(result: Reconstruction, light: AnyLight) -> np.ndarray:
     light: radiance as a latitude-longitude map (H, W) or (H, W, 3) in the world frame of
     scene/camera.py, spherical Gaussians, or what `unlit.lights.environment_map` reads: "flash",
     "uniform", "side", "photo" (the reconstructed one), "sun:AZIMUTH,ELEVATION", or an .hdr or .exr
-    file, which is brought to the strength of these: a white card where it gets most light renders as 1. Deterministic, with
-    self-shadowing and inter-reflection; `Result.relight` is faster for several lights.
-    Raises SettingsError or PictureError.
+    file, which is brought to the strength of these: a white card where it gets most light renders
+    as 1. Deterministic, with self-shadowing and inter-reflection, unlike the path tracer of
+    `unlit relight` without --fast. `Result.relight` is faster for several lights. Raises
+    SettingsError or PictureError.
 
     >>> unlit.relight(result, unlit.lights.sun(45, 30)).shape
     (256, 256, 3)
