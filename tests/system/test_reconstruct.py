@@ -31,7 +31,7 @@ def command(*arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def error_in_encoded(face: unlit.Reconstruction) -> float:
+def error_in_encoded(face: unlit.Result) -> float:
     """Root-mean-square error of the re-rendering inside the mask, sRGB-encoded."""
     inside = face.face.mask > 0.5
     difference = encode_srgb(face.images.render[inside]) - encode_srgb(face.photo.image[inside])
@@ -57,7 +57,7 @@ def test_demo_writes_every_file(tmp_path: Path) -> None:
 def test_same_input_same_bits() -> None:
     """Two runs of one photo give bit-identical maps, mesh and light."""
     first, second = (
-        unlit.reconstruct(astronaut(), settings=quick(), face="largest") for _ in range(2)
+        unlit.reconstruct(astronaut(), quick(), face="largest", progress=False) for _ in range(2)
     )
     for place in (
         "face.maps.diffuse_albedo",
@@ -74,7 +74,7 @@ def test_same_input_same_bits() -> None:
 @pytest.mark.parametrize("name", PHOTOS)
 def test_photo(shared: Path, name: str) -> None:
     """Dark, made-up, old and small faces: finite maps in range, a face that can be relit."""
-    face = unlit.reconstruct(shared / f"data/photos/{name}.jpg", settings=quick())
+    face = unlit.reconstruct(shared / f"data/photos/{name}.jpg", quick(), progress=False)
     inside = face.face.mask > 0.5
     assert inside.mean() > 0.1
     for image in (
