@@ -121,7 +121,9 @@ def test_settings_in_order_of_precedence(photo, pipeline, tmp_path, capsys, monk
     """Preset, then --config, then --resolution, then --set."""
     monkeypatch.setattr("unlit.output.save", lambda *_: None)
     made = types.SimpleNamespace(
-        head=types.SimpleNamespace(landmark_residual=None), metrics=Metrics({}, {}, 0.0)
+        head=types.SimpleNamespace(landmark_residual=None),
+        photo=types.SimpleNamespace(white_luminance=None),
+        metrics=Metrics({}, {}, 0.0),
     )
     pipeline.run = lambda options: made
     config = tmp_path / "c.toml"

@@ -27,6 +27,7 @@ def calls(monkeypatch) -> list:
             asked.append((name, arguments, options))
             return types.SimpleNamespace(
                 head=types.SimpleNamespace(landmark_residual=0.02),
+                photo=types.SimpleNamespace(white_luminance=None),
                 metrics=Metrics({}, {}, 700.0, ("dark",)),
             )
 

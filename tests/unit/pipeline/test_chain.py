@@ -49,10 +49,15 @@ def test_each_step_gets_what_those_before_it_found() -> None:
     assert result.head is head
     assert result.conditions is conditions
     assert result.settings is chosen
-    assert list(dict.fromkeys(told)) == ["perception", "fit", *TABLE_1, "finish"]
+    assert list(dict.fromkeys(told)) == ["perception", "fit", "conditions", *TABLE_1, "finish"]
     assert list(result.metrics.seconds) == ["perception", "fit", "conditions", *TABLE_1]
     assert list(result.metrics.losses) == list(TABLE_1)
     assert result.metrics.peak_memory_mb > 10
+    told.clear()
+    run = RunRecord(lambda stage, *_: told.append(stage))
+    again = run_chain(Steps(observe, fit, estimate, kept=True), chosen, run)
+    assert list(dict.fromkeys(told)) == [*TABLE_1, "finish"]
+    assert list(again.metrics.seconds) == list(TABLE_1)
 
 
 def test_the_true_mesh_in_the_place_of_a_fit() -> None:
