@@ -23,7 +23,7 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 import drjit as dr
 
 from unlit.evaluate.metrics import best_gain, compare
-from unlit.evaluate.protocol import Known, Row, Shot
+from unlit.evaluate.protocol import KnownSubject, Shot, ShotResult
 from unlit.evaluate.psnr import psnr
 from unlit.face.reconstruction import Reconstruction
 from unlit.machine.runtime import mitsuba
@@ -175,7 +175,7 @@ def _variation(log: Any, size: int, pairs: list[Any]) -> Any:
 
 
 def baseline_rows(
-    subject: Known, name: str, rows: list[Row], shots: tuple[Shot, ...]
+    subject: KnownSubject, name: str, rows: list[ShotResult], shots: tuple[Shot, ...]
 ) -> list[tuple[str, ...]]:
     """Table lines: unlit and the baseline on each input of one subject."""
     true = subject.truth.diffuse_albedo
