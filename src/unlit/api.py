@@ -23,8 +23,7 @@ from .pipeline import chain
 from .pipeline import resume as resuming
 from .progress.callbacks import silent
 from .progress.console import RunConsole, StepConsole
-from .relighting.command import OWN_LIGHT
-from .relighting.lights import FILES, environment_map, with_unit_irradiance
+from .relighting.lights import requested_light
 from .render.relighter import Relighter
 from .scene.light import SphericalGaussians
 from .settings.settings import PRESETS, Settings, override
@@ -138,7 +137,7 @@ def relight(result: Reconstruction, light: AnyLight) -> np.ndarray:
     """The face under another light: (S, S, 3) float32 linear sRGB, 0 outside the mask.
 
     light: radiance as a latitude-longitude map (H, W) or (H, W, 3) in the world frame of
-    scene/camera.py, spherical Gaussians, or what `unlit.lights.environment_map` reads: "flash",
+    scene/camera.py, spherical Gaussians, or what `unlit relight --light` takes: "flash",
     "uniform", "side", "photo" (the reconstructed one), "sun:AZIMUTH,ELEVATION", or an .hdr or .exr
     file, which is brought to the strength of these: a white card where it gets most light renders
     as 1. Deterministic, with self-shadowing and inter-reflection, unlike the path tracer of
@@ -240,12 +239,7 @@ def _environment(result: Reconstruction, light: AnyLight) -> np.ndarray | Spheri
         if light.ndim not in (2, 3) or light.shape[2:] not in ((), (3,)):
             raise SettingsError(f"light of shape {light.shape}: give a map (H, W) or (H, W, 3)")
         return light
-    if str(light) == OWN_LIGHT:
-        return result.light
-    environment = environment_map(str(light), (OWN_LIGHT,))
-    if Path(light).suffix.lower() in FILES:
-        environment = with_unit_irradiance(environment, str(light))
-    return environment
+    return requested_light(str(light), result.light)
 
 
 def _preset(preset: str | Settings) -> Settings:

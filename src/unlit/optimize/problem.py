@@ -10,6 +10,7 @@ import numpy as np
 from ..color import encode_srgb
 from ..face.gain import AlbedoGain
 from ..machine.runtime import mitsuba
+from ..perception.regions import REGIONS
 from ..progress.callbacks import StageProgress
 from ..render.transport import ShadingPoints
 from ..scene.arrays import device
@@ -21,9 +22,6 @@ from .losses import Neighbours, censored
 from .observation import Observation
 
 mi = mitsuba()
-
-#: Order of the regions in `Problem.regions` and in stage 1's base colours (paper, section 3.1).
-REGIONS = ("skin", "lips", "eyes", "eyebrows")
 
 
 class Problem:

@@ -28,6 +28,8 @@ from .topology import (
     RIGHT_LID_GAP,
 )
 
+#: Those of the face that get maps, in the order of `Regions.weights` and of stage 1's base colours
+#: (paper, section 3.1).
 REGIONS = ("skin", "lips", "eyes", "eyebrows")
 
 # Aperture over width, and blink score, between which an eye counts as closing. Measured: narrow

@@ -42,14 +42,15 @@ def assemble(
 ) -> Reconstruction:
     """Everything as NumPy arrays; `solution` is left as it is."""
     problem, estimate = solution.problem, solution.estimate
-    normals = _normals(problem, problem.maps(estimate))
+    maps = problem.maps(estimate)
+    normals = _normals(problem, maps)
     gain, images = 1.0, Images(*(np.zeros((*problem.inside.shape, 3), np.float32),) * 3)
     if solution.shading is not None:
         shading = copy.copy(solution.shading)  # what the stages go on with is left as it is
         shading.points = problem.points(normals["diffuse"], normals["specular"])
-        gain, estimate, e, s = _with_final_gain(problem, shading, estimate)
-        how = problem.settings.cast_shadow
-        images = _images(photo, conditions, how, problem.maps(estimate), e, s)
+        gain, estimate, e, s = _with_final_gain(problem, shading, estimate, maps)
+        maps = problem.maps(estimate)
+        images = _images(photo, conditions, problem.settings.cast_shadow, maps, e, s)
     mask = np.where(problem.inside, photo.regions.face, 0).astype(np.float32)
     result = Reconstruction(
         photo,
@@ -58,7 +59,7 @@ def assemble(
         Face(
             photo.camera,
             replace(head.mesh, vertices=np.ascontiguousarray(estimate.vertices.numpy().T)),
-            problem.maps(estimate),
+            maps,
             Normals(**{name: problem.image(n, "zero") for name, n in normals.items()}),
             mask,
         ),
@@ -85,33 +86,40 @@ def _normals(problem: Problem, maps: Maps) -> dict[str, Any]:
 
 
 def _with_final_gain(
-    problem: Problem, shading: Shading, estimate: Estimate
+    problem: Problem, shading: Shading, estimate: Estimate, maps: Maps
 ) -> tuple[float, Estimate, np.ndarray, np.ndarray]:
-    """The result's gain, the estimate that has it, and its E and S (S, S, 3) in white light."""
-    albedo = problem.maps(estimate).diffuse_albedo
-    e, s = _shade(problem, shading, estimate)
-    gain = problem.gain.of_result(albedo, e, problem.inside)
-    if gain == problem.albedo_gain(albedo):  # inter-reflection has it already
+    """The result's gain, the estimate that has it, and its E and S (S, S, 3) in white light.
+
+    maps: of `estimate`.
+    """
+    e, s = _shade(problem, shading, estimate, maps)
+    gain = problem.gain.of_result(maps.diffuse_albedo, e, problem.inside)
+    if gain == problem.albedo_gain(maps.diffuse_albedo):  # inter-reflection has it already
         return gain, estimate.with_gain(gain), e / gain, s / gain
     # The light is not divided by the gain alone: the stages had another, and light from skin to
     # skin changes with it.
     changed = estimate.with_gain(gain)
-    other, _ = _shade(problem, shading, changed, gain=1.0)
+    maps = problem.maps(changed)
+    other, _ = _shade(problem, shading, changed, maps, gain=1.0)
     full = [peak_luminance(image[problem.inside]) for image in (e, other)]
     rest = float(np.log(full[0] / (gain * full[1])))
     changed = replace(changed, log_amplitude=changed.log_amplitude + rest)
-    return gain, changed, *_shade(problem, shading, changed, gain=1.0)
+    return gain, changed, *_shade(problem, shading, changed, maps, gain=1.0)
 
 
 def _shade(
-    problem: Problem, shading: Shading, estimate: Estimate, gain: float | None = None
+    problem: Problem,
+    shading: Shading,
+    estimate: Estimate,
+    maps: Maps,
+    gain: float | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Exact E and S of `estimate` under its white light, (S, S, 3); 0 where nothing is seen.
 
-    gain: as for `Shading.update`.
+    maps: its own. gain: as for `Shading.update`.
     """
     radiance = CellRadiance(shading.cells).of(estimate.light())
-    shading.update(radiance, problem.maps(estimate), gain)
+    shading.update(radiance, maps, gain)
     e, s = shading.shade(radiance)
     return problem.image(e, "zero"), problem.image(s, "zero")
 

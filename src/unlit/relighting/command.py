@@ -18,15 +18,13 @@ from ..progress.callbacks import StepProgress, silent
 from ..storage.folder import ensure_writable
 from .composite import Backdrop
 from .frames import Frame, rendered_frames, sweep, turntable
-from .lights import FILES, environment_map, with_unit_irradiance
+from .lights import requested_light
 from .video import gif, mp4, need_encoder
 
 STILLS, VIDEOS = (".png", ".exr"), (".mp4", ".gif")
 SWEEP = "sweep"
 SAMPLES, VIDEO_SAMPLES = 128, 32
 FRAMES, FPS = 75, 25
-#: The light that was reconstructed.
-OWN_LIGHT = "photo"
 _MAX_SAMPLES, _MAX_FRAMES, _MAX_FPS, _MAX_STOPS = 65536, 3600, 50, 20.0
 _MAX_SIDE = 4096
 
@@ -136,14 +134,10 @@ def _spare_inputs(folder: Path, path: Path, request: RelightRequest) -> None:
 
 
 def _environment(request: RelightRequest, face: Reconstruction) -> np.ndarray:
-    """The light at its strength: lights from files at a fixed one, then the stops."""
-    if request.light == OWN_LIGHT:
-        environment = face.light.rasterize()
-    else:
-        environment = environment_map(request.light, (OWN_LIGHT,))
-        if Path(request.light).suffix.lower() in FILES:
-            environment = with_unit_irradiance(environment, request.light)
-    return environment * np.float32(2**request.brightness)
+    """The light at its strength, then the stops."""
+    return requested_light(request.light, face.light.rasterize()) * np.float32(
+        2**request.brightness
+    )
 
 
 def _png(frames: Iterator[np.ndarray], fps: int) -> bytes:

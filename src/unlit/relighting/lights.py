@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -29,6 +30,10 @@ LIGHTS: dict[str, Callable[[], np.ndarray]] = {
     "side": lambda: disc((np.sin(np.pi / 3), 0.2, np.cos(np.pi / 3))),
 }
 FILES = (".hdr", ".exr")
+#: The light that was reconstructed.
+OWN_LIGHT = "photo"
+#: The reconstructed light: a map, or spherical Gaussians.
+Own = TypeVar("Own")
 
 _SUN = "sun:"
 #: Twice the real sun's half angle, degrees, and a map fine enough for it.
@@ -62,6 +67,20 @@ def environment_map(text: str, others: tuple[str, ...] = ()) -> np.ndarray:
             f"{text}: no such light; give {known}, sun:AZIMUTH,ELEVATION, or an .hdr or .exr file"
         )
     return np.maximum(read_picture(path), 0)
+
+
+def requested_light(text: str, own: Own) -> np.ndarray | Own:
+    """The light that a user asks to relight with: `own`, the reconstructed one, for OWN_LIGHT.
+
+    Else the environment map (H, W) or (H, W, 3) of `environment_map`, those from files at the
+    strength of the named lights (`with_unit_irradiance`).
+    """
+    if text == OWN_LIGHT:
+        return own
+    environment = environment_map(text, (OWN_LIGHT,))
+    if Path(text).suffix.lower() in FILES:
+        return with_unit_irradiance(environment, text)
+    return environment
 
 
 def _angles(text: str) -> tuple[float, float]:

@@ -1,21 +1,9 @@
 """`unlit models add` and `--model`: what reaches the library, and mistakes in one line."""
 
-from pathlib import Path
-
 import pytest
 
 from unlit import cli
-from unlit.head import files
 from unlit.head.sources import library
-
-
-@pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """No head model has been added."""
-    for module in (files, library):
-        monkeypatch.setattr(module, "models_folder", lambda: tmp_path / "heads")
-    monkeypatch.delenv("UNLIT_MODELS", raising=False)
-    return tmp_path
 
 
 def test_add_builds_of_the_folder_and_says_where(home, monkeypatch, capsys) -> None:

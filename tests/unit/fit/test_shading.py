@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from unlit.errors import ModelError
 from unlit.fit.landmarks import LandmarkProblem, State
 from unlit.fit.shading import photometric_fit
 from unlit.fit.shape_jacobian import ShapeJacobian
 from unlit.head.landmark_error import NO_ERROR
 from unlit.head.model import HeadModel
-from unlit.head.sources.library import default_model
 from unlit.machine.runtime import mitsuba
 from unlit.perception.regions import Regions
 from unlit.render.transport import Quadrature, ShadingPoints, shade, visibility
@@ -29,15 +27,6 @@ from unlit.settings.fit import LandmarkFit, ShadingFit
 mi = mitsuba()
 SIZE = 128
 CAMERA = Camera(SIZE, SIZE, 90 * SIZE / 26, SIZE / 2, SIZE / 2)
-
-
-@pytest.fixture(scope="module")
-def head() -> HeadModel:
-    """The default model; skips where its data are neither cached nor to be fetched."""
-    try:
-        return default_model()
-    except ModelError as error:
-        pytest.skip(str(error))
 
 
 def truth(head: HeadModel, yaw: float) -> State:

@@ -36,15 +36,6 @@ def triangle(name: str, size: float = 17.0) -> HeadModel:
     )
 
 
-@pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The user's own folder, not there yet."""
-    for module in (files, library):
-        monkeypatch.setattr(module, "models_folder", lambda: tmp_path / "heads")
-    monkeypatch.delenv("UNLIT_MODELS", raising=False)
-    return tmp_path
-
-
 def test_what_is_added_is_found_by_name_and_by_file(
     home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
