@@ -50,7 +50,7 @@ from unlit.face.face import PosedMesh
 from unlit.face.head import FittedHead
 from unlit.face.photo import FacePhoto
 from unlit.fit.landmarks import HeadFit, LandmarkProblem
-from unlit.fit.shading import photometric_fit
+from unlit.fit.shading import ShadingProblem
 from unlit.head.landmark_error import NO_ERROR
 from unlit.head.model import HeadModel
 from unlit.head.sources.library import default_model
@@ -228,7 +228,7 @@ def mean_head(model: HeadModel, photo: FacePhoto) -> HeadFit:
     problem = LandmarkProblem(model, photo.landmarks, photo.camera, LandmarkFit())
     state = problem.start()
     for _ in range(problem.settings.iterations):
-        state = problem.step(state, free_shape=False)
+        state = problem.step(state, slice(6))
     return problem.posed(state, model.vertices(state.identity, state.expression))
 
 
@@ -252,8 +252,8 @@ def shading_fit(model: HeadModel, photo: FacePhoto) -> HeadFit:
         model, photo.landmarks, photo.camera, LandmarkFit(), image=photo.image
     )
     closed = _closed(photo)
-    fit = problem.solve(closed)
-    return photometric_fit(problem, fit, photo.image, photo.regions, ShadingFit(), closed)
+    shading = ShadingProblem(problem, photo.image, photo.regions, ShadingFit())
+    return shading.solve(problem.solve(closed), closed)
 
 
 FITTERS: dict[str, Fitter] = {
@@ -280,7 +280,7 @@ def judge(case: Case, model: HeadModel, fit: HeadFit, seconds: float) -> Found:
     ours, true = -position[seen][:, 2], -case.position[seen][:, 2]
     scale = np.median(true / ours)
     yaw = np.radians(case.yaw)
-    axis = fit.rotation @ (1, 0, 0)
+    axis = fit.state.rotation @ (1, 0, 0)
     turn = np.degrees(np.arctan2(-axis[2], axis[0])) - np.degrees(yaw)
     across = np.array([np.cos(yaw), 0, -np.sin(yaw)])
     figures = {

@@ -26,8 +26,13 @@ from scipy.spatial import KDTree
 from unlit.head.basis import vertex_areas
 from unlit.head.eyelids import eyeballs
 from unlit.head.model import VERTEX_REGIONS, HeadModel
-from unlit.head.sources.makehuman import ASSET, build_flat, inner_product_weights
-from unlit.head.sources.makehuman_learnt import DISPLACEMENT_FILE, DisplacementBasis
+from unlit.head.sources.makehuman import ASSET, build, inner_product_weights
+from unlit.head.sources.makehuman_learnt import (
+    DISPLACEMENT_FILE,
+    Shapes,
+    shipped_landmarks,
+    shipped_prior,
+)
 from unlit.machine.assets import asset
 from unlit.scene.normals import vertex_normals
 
@@ -98,7 +103,7 @@ def _biharmonic(vertices: np.ndarray, triangles: np.ndarray, area: np.ndarray) -
     return (laplacian.T @ sp.diags(area) @ laplacian).tocsc()
 
 
-def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> DisplacementBasis:
+def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> Shapes:
     """Of `model` over random ICT identities; weights as for Fitter."""
     fitter, registration = Fitter(model, weights), Registration(model)
     found = []
@@ -115,12 +120,12 @@ def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> DisplacementBasis
     mean = heights.mean(axis=0)
     _, sizes, rows = np.linalg.svd(heights - mean, full_matrices=False)
     deviations = sizes[:_COMPONENTS] / np.sqrt(len(heights))
-    return DisplacementBasis(mean, deviations[:, None] * rows[:_COMPONENTS])
+    return Shapes(mean, deviations[:, None] * rows[:_COMPONENTS])
 
 
 def main(ict: Path) -> None:
     """Make the displacements that are shipped."""
-    model = build_flat(asset(ASSET))
+    model = build(asset(ASSET), shipped_landmarks(), shipped_prior())[0]
     weights = inner_product_weights(model.neutral, model.triangles, model.vertex_region)
     found = learn(model, weights, ict)
     np.savez_compressed(

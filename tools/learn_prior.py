@@ -27,8 +27,8 @@ from scipy.spatial.transform import Rotation
 from unlit.head.basis import principal_combinations
 from unlit.head.model import VERTEX_REGIONS, HeadModel
 from unlit.head.procrustes import procrustes
-from unlit.head.sources.makehuman import ASSET, KEEP, build_unlearnt, inner_product_weights
-from unlit.head.sources.makehuman_learnt import PRIOR_FILE
+from unlit.head.sources.makehuman import ASSET, KEEP, build, inner_product_weights
+from unlit.head.sources.makehuman_learnt import PRIOR_FILE, shipped_landmarks
 from unlit.machine.assets import asset
 from unlit.perception.topology import MULTI_PIE_LANDMARKS
 from unlit.scene.normals import vertex_normals
@@ -168,7 +168,7 @@ def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> tuple[np.ndarray,
 
 def main(ict: Path) -> None:
     """Make the prior that is shipped."""
-    model, axes, rows = build_unlearnt(asset(ASSET))
+    model, axes, rows = build(asset(ASSET), shipped_landmarks())
     weights = inner_product_weights(model.neutral, model.triangles, model.vertex_region)
     mean, covariance = learn(model, weights, ict)
     covariance = (1 - _ARTIST) * covariance + _ARTIST * np.eye(len(covariance))

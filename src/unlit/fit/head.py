@@ -10,7 +10,7 @@ from ..face.photo import FacePhoto
 from ..head.model import HeadModel
 from ..settings.settings import Settings
 from .landmarks import LandmarkProblem
-from .shading import photometric_fit
+from .shading import ShadingProblem
 
 
 def fit_head(photo: FacePhoto, model: HeadModel, settings: Settings) -> FittedHead:
@@ -20,14 +20,8 @@ def fit_head(photo: FacePhoto, model: HeadModel, settings: Settings) -> FittedHe
         model, photo.landmarks, photo.camera, settings.landmark_fit, image=photo.image
     )
     with threadpool_limits(1, user_api="blas"):
-        fit = photometric_fit(
-            problem,
-            problem.solve(closed),
-            photo.image,
-            photo.regions,
-            settings.shading_fit,
-            mouth_closed=closed,
-        )
+        shading = ShadingProblem(problem, photo.image, photo.regions, settings.shading_fit)
+        fit = shading.solve(problem.solve(closed), closed)
     return FittedHead(
         PosedMesh(fit.vertices, model.triangles, model.uv, model.triangle_uv),
         fit.landmarks.astype("float32"),

@@ -22,6 +22,7 @@ from ..head.eyelids import lids_outside_eyes
 from ..head.landmark_error import LandmarkError, shipped_error
 from ..head.lips import opening, seal_lips
 from ..head.model import LANDMARKS, HeadModel
+from ..head.procrustes import procrustes
 from ..perception.topology import (
     FACE_OVAL,
     LEFT_EYE,
@@ -39,33 +40,17 @@ from ..settings.fit import LandmarkFit
 NOSE_AND_MIDLINE = (168, 6, 197, 195, 5, 4, 1, 19, 94, 2, 164, 18, 200, 199, 175)
 NOSE_AND_MIDLINE += (98, 97, 326, 327, 129, 358, 49, 279, 48, 278, 64, 294)
 _GAPS = (*LIP_GAP, *RIGHT_LID_GAP, *LEFT_LID_GAP)
-# The fit's distances are stated for a crop of this size, pixels.
-_STATED_RESOLUTION = 512
-
-
-@dataclass(frozen=True)
-class HeadFit:
-    """A head model placed before a camera.
-
-    rotation (3, 3), translation (3,) cm: world = rotation @ model + translation, float64.
-    identity (I,), in standard deviations; expression (E,), in [0, 1].
-    vertices: (V, 3) float32, world frame (scene/camera.py), cm.
-    landmarks: (478, 2) pixels, the detected ones without the landmarker's mean error.
-    landmark_residual: mean distance between them and the model, in eye distances.
-    """
-
-    rotation: np.ndarray
-    translation: np.ndarray
-    identity: np.ndarray
-    expression: np.ndarray
-    vertices: np.ndarray
-    landmarks: np.ndarray
-    landmark_residual: float
+#: The settings' distances are stated for a crop of this size, pixels.
+STATED_RESOLUTION = 512
 
 
 @dataclass(frozen=True)
 class State:
-    """The unknowns, as in HeadFit, float64."""
+    """The unknowns, float64.
+
+    rotation (3, 3), translation (3,) cm: world = rotation @ model + translation.
+    identity (I,), in standard deviations; expression (E,), in [0, 1].
+    """
 
     rotation: np.ndarray
     translation: np.ndarray
@@ -82,6 +67,22 @@ class State:
             self.identity + move[6 : 6 + units],
             np.clip(self.expression + move[6 + units :], 0, 1),
         )
+
+
+@dataclass(frozen=True)
+class HeadFit:
+    """A head model placed before a camera.
+
+    state: where and what it is; identity and expression rounded to float32.
+    vertices: (V, 3) float32, world frame (scene/camera.py), cm.
+    landmarks: (478, 2) pixels, the detected ones without the landmarker's mean error.
+    landmark_residual: mean distance between them and the model, in eye distances.
+    """
+
+    state: State
+    vertices: np.ndarray
+    landmarks: np.ndarray
+    landmark_residual: float
 
 
 class LandmarkProblem:
@@ -113,7 +114,7 @@ class LandmarkProblem:
             raise FaceError(f"the head model {model.name} carries too few landmarks to be fitted")
         self.landmarks = landmarks
         self.goal = landmarks[self.used, :2]
-        self.pixel = camera.height / _STATED_RESOLUTION
+        self.pixel = camera.height / STATED_RESOLUTION
         corners = model.triangles[model.landmark_points.triangle[self.used]]
         weights = model.landmark_points.barycentric[self.used]
 
@@ -168,12 +169,7 @@ class LandmarkProblem:
         weight = np.maximum(weight, 0.1 * weight.max())
         weight /= weight.sum()
         seen = self.landmarks[self.used] * (1, -1, -1)
-        source = self.neutral - weight @ self.neutral
-        goal = seen - weight @ seen
-        u, sizes, vt = np.linalg.svd((goal * weight[:, None]).T @ source)
-        flip = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
-        rotation = (u * flip) @ vt
-        scale = (sizes @ flip) / np.sum(weight[:, None] * source**2)
+        scale, rotation, _ = procrustes(self.neutral, seen, weight)
         depth = self.camera.focal / max(scale, 1e-6)
         middle = self.camera.unproject((weight @ seen)[:2] * (1, -1), depth)
         units = len(self.model.identity)
@@ -191,16 +187,18 @@ class LandmarkProblem:
         take the edge of a two-toned lip for one.
         """
         state = self.start()
-        for free_shape in (False, True):
+        for free in (slice(6), slice(None)):
             for _ in range(self.settings.iterations):
-                state = self.step(state, free_shape)
+                state = self.step(state, free)
         return self.fit(state, mouth_closed)
 
-    def step(self, state: State, free_shape: bool) -> State:
-        """One Gauss-Newton step on the landmarks and the prior; of the pose alone at first."""
-        matrix, gradient, _ = self.equations(state)
+    def step(self, state: State, free: slice, deviation: float | None = None) -> State:
+        """One Gauss-Newton step of the unknowns `free` on the landmarks and the prior.
+
+        deviation: as for `equations`.
+        """
+        matrix, gradient, _ = self.equations(state, deviation)
         prior, current, low, high = self.prior(state)
-        free = slice(None) if free_shape else slice(6)
         matrix[np.diag_indices(len(matrix))] += prior
         move = np.zeros(len(matrix))
         move[free] = bounded_solve(
@@ -226,21 +224,6 @@ class LandmarkProblem:
         low, high = np.full(count, -np.inf), np.full(count, np.inf)
         low[6 + units :], high[6 + units :] = -state.expression, 1 - state.expression
         return precision, current, low, high
-
-    def expressed(self, state: State) -> State:
-        """`state` with the expression, and only that, drawn closer to the landmarks."""
-        first = 6 + len(state.identity)
-        for _ in range(self.settings.iterations):
-            matrix, gradient, _ = self.equations(state, self.settings.last_deviation)
-            prior, current, low, high = self.prior(state)
-            matrix[np.diag_indices(len(matrix))] += prior
-            right = -(gradient + prior * current)
-            move = np.zeros(len(matrix))
-            move[first:] = bounded_solve(
-                matrix[first:, first:], right[first:], low[first:], high[first:]
-            )
-            state = state.moved(move)
-        return state
 
     def equations(
         self, state: State, deviation: float | None = None
@@ -303,7 +286,9 @@ class LandmarkProblem:
         """
         if not (np.isfinite(state.translation).all() and state.translation[2] < -5):
             raise FaceError("no head fits the landmarks: use a photo that shows more of the face")
-        state = self.expressed(state)
+        expression = slice(6 + len(state.identity), None)
+        for _ in range(self.settings.iterations):
+            state = self.step(state, expression, self.settings.last_deviation)
         shape = self.model.vertices(state.identity, state.expression)
         shape = lids_outside_eyes(self.model, shape)
         if mouth_closed or opening(self.landmarks[:, :2]) < self.settings.closed:
@@ -316,21 +301,15 @@ class LandmarkProblem:
         landmarks = self.landmarks[:, :2].copy()
         world = self.model.landmarks(vertices)[self.used]
         landmarks[self.used] -= self._expected(state.rotation, world)
-        return HeadFit(
-            rotation=state.rotation,
-            translation=state.translation,
-            identity=state.identity.astype(np.float32),
-            expression=state.expression.astype(np.float32),
-            vertices=vertices.astype(np.float32),
-            landmarks=landmarks.astype(np.float32),
-            landmark_residual=self._residual(landmarks, world),
-        )
-
-    def _residual(self, landmarks: np.ndarray, world: np.ndarray) -> float:
-        """Mean distance of `landmarks` from those the model carries, (L, 3), in eye distances."""
         eyes = [landmarks[list(eye)].mean(axis=0) for eye in (RIGHT_EYE, LEFT_EYE)]
         distance = np.linalg.norm(self.camera.project(world) - landmarks[self.used], axis=-1)
-        return float(distance.mean() / max(np.linalg.norm(eyes[0] - eyes[1]), 1e-6))
+        identity, expression = (x.astype(np.float32) for x in (state.identity, state.expression))
+        return HeadFit(
+            replace(state, identity=identity, expression=expression),
+            vertices.astype(np.float32),
+            landmarks.astype(np.float32),
+            float(distance.mean() / max(np.linalg.norm(eyes[0] - eyes[1]), 1e-6)),
+        )
 
 
 def _angles(rotation: np.ndarray, place: np.ndarray) -> np.ndarray:

@@ -31,13 +31,11 @@ from ..scene.cells import grid_cells
 from ..scene.mesh import CameraHits, Mesh, surface, surface_weights
 from ..settings.fit import ShadingFit
 from ..settings.settings import ROUGHNESS
-from .landmarks import HeadFit, LandmarkProblem, State, bounded_solve
-from .shape_jacobian import ShapeJacobian
+from .landmarks import STATED_RESOLUTION, HeadFit, LandmarkProblem, State, bounded_solve
+from .shape_jacobian import SeenPixels, ShapeJacobian
 
 mi = mitsuba()
 
-# Distances are stated for a crop of this size, pixels.
-_STATED_RESOLUTION = 512
 _GAMMA = 2.2
 # Weights of red, green and blue: the light has no colour, so one channel holds all shading.
 _GREY = np.array([0.35, 0.45, 0.2], dtype=np.float32)
@@ -60,42 +58,18 @@ class _Appearance:
 
 @dataclass(frozen=True)
 class _Sample:
-    """The mesh at `state`, and N of the pixels that show it.
+    """Pixels that show the mesh, the same for the renderer, and the mesh for its shadow rays."""
 
-    local: (V, 3) vertices, model frame. pixel: (N,) row-major; triangle: (N,) seen there; weights:
-    (N, 3) barycentric; position: (N, 3) world, cm. normals: (S, S, 3) of all pixels, world, 0 off
-    the mesh. points: the pixels' for the renderer; scene: the mesh for its shadow rays.
-    """
-
-    state: State
-    local: np.ndarray
-    pixel: np.ndarray
-    triangle: np.ndarray
-    weights: np.ndarray
-    position: np.ndarray
-    normals: np.ndarray
+    seen: SeenPixels
     points: ShadingPoints
     scene: Any
 
 
-def photometric_fit(
-    problem: LandmarkProblem,
-    fit: HeadFit,
-    image: np.ndarray,
-    regions: Regions,
-    settings: ShadingFit,
-    mouth_closed: bool,
-) -> HeadFit:
-    """`fit` improved by the shading of `image`, or `fit` itself where shading says too little.
+class ShadingProblem:
+    """The fit of one photo: what every step of the descent reads of it, and the steps.
 
-    problem: of the landmarks that `fit` was found from. image: (S, S, 3) linear sRGB, seen by the
-    problem's camera. mouth_closed: as for `LandmarkProblem.solve`.
+    problem: of the landmarks. image: (S, S, 3) linear sRGB, seen by the problem's camera.
     """
-    return _Photometric(problem, image, regions, settings).run(fit, mouth_closed)
-
-
-class _Photometric:
-    """The fit of one photo: what every step of the descent reads of it, and the steps."""
 
     def __init__(
         self,
@@ -106,7 +80,7 @@ class _Photometric:
     ) -> None:
         self.problem, self.settings = problem, settings
         self.model, self.camera = problem.model, problem.camera
-        self.pixel = self.camera.height / _STATED_RESOLUTION
+        self.pixel = problem.pixel
         blur = settings.blur * self.pixel
         smooth: Any = ndimage.gaussian_filter(np.maximum(image, 1e-4), (blur, blur, 0))
         self.grey = smooth @ _GREY
@@ -118,19 +92,19 @@ class _Photometric:
         # A square's minimum, which unlike `binary_erosion` is taken axis by axis.
         self.bare: Any = ndimage.minimum_filter(bare, reach, mode="constant")
         self.lips = regions.lips
-        self.grid = int(np.ceil(_STATED_RESOLUTION / settings.spacing))
+        self.grid = int(np.ceil(STATED_RESOLUTION / settings.spacing))
         self.directions = self.camera.directions().reshape(-1, 3)
         self.jacobian = ShapeJacobian(self.model, self.camera)
         self.mesh: Mesh | None = None
 
-    def run(self, fit: HeadFit, mouth_closed: bool) -> HeadFit:
-        settings = self.settings
-        state = State(
-            fit.rotation,
-            fit.translation,
-            fit.identity.astype(np.float64),
-            fit.expression.astype(np.float64),
-        )
+    def solve(self, fit: HeadFit, mouth_closed: bool) -> HeadFit:
+        """`fit`, to the landmarks, improved by shading, or itself where shading says too little.
+
+        mouth_closed: as for `LandmarkProblem.solve`.
+        """
+        settings, state = self.settings, fit.state
+        identity, expression = (x.astype(np.float64) for x in (state.identity, state.expression))
+        state = replace(state, identity=identity, expression=expression)
         start = self.begin(state)
         if start is None or self.direction(start[1]) < settings.directed:
             return fit
@@ -158,7 +132,9 @@ class _Photometric:
             if (seen := self.sample(state)) is None:
                 return None
             sample = seen
-        return sample.state, self.cost(sample.state, self.solve_light(sample, appearance)[1])
+        return sample.seen.state, self.cost(
+            sample.seen.state, self.solve_light(sample, appearance)[1]
+        )
 
     def cost(self, state: State, photometric: float) -> float:
         """All that is minimised: `photometric`, the landmarks' cost and the prior's."""
@@ -199,17 +175,11 @@ class _Photometric:
         roughness = dr.full(mi.Float, ROUGHNESS["skin"], count)
         dr.eval(position, n, geometric)
         weights = surface_weights(camera, hits, mesh.vertices, mesh.triangles)[1]
-        return _Sample(
-            state,
-            local,
-            pixel,
-            triangle,
-            weights.numpy().T,
-            position.numpy().T,
-            normals.reshape(camera.height, camera.width, 3),
-            ShadingPoints(position, n, n, geometric, roughness),
-            mesh.scene,
-        )
+        weights, place = weights.numpy().T, position.numpy().T
+        normals = normals.reshape(camera.height, camera.width, 3)
+        seen = SeenPixels(state, local, pixel, triangle, weights, place, normals)
+        points = ShadingPoints(position, n, n, geometric, roughness)
+        return _Sample(seen, points, mesh.scene)
 
     def albedo_columns(self, pixel: np.ndarray) -> np.ndarray:
         """Log albedo's derivatives (N, A): bilinear weights of the grid, chromaticity, lips."""
@@ -266,7 +236,7 @@ class _Photometric:
 
     def joint_step(self, sample: _Sample, appearance: _Appearance) -> tuple[State, _Appearance]:
         """One damped Gauss-Newton step of everything."""
-        problem, state = self.problem, sample.state
+        problem, state = self.problem, sample.seen.state
         system = _System(self, sample)
         matrix, gradient, _ = system.equations(appearance, self.jacobian)
         first = len(matrix) - 6 - len(problem.basis)
@@ -281,7 +251,7 @@ class _Photometric:
 class _System:
     """The normal equations of one sample: light, albedo, gloss, then pose and shape."""
 
-    def __init__(self, owner: _Photometric, sample: _Sample) -> None:
+    def __init__(self, owner: ShadingProblem, sample: _Sample) -> None:
         self.settings, self.sample, self.cells = owner.settings, sample, owner.cells
         quadrature = Quadrature(owner.cells)
         bits = visibility(sample.scene, sample.points, quadrature)
@@ -291,8 +261,8 @@ class _System:
         hidden = np.maximum(1 - diffuse.sum(axis=1, keepdims=True), 0)
         self.diffuse = np.concatenate([diffuse, hidden], axis=1)
         self.specular = np.concatenate([specular, np.zeros_like(hidden)], axis=1)
-        self.grey = owner.grey.ravel()[sample.pixel]
-        self.columns = owner.albedo_columns(sample.pixel)
+        self.grey = owner.grey.ravel()[sample.seen.pixel]
+        self.columns = owner.albedo_columns(sample.seen.pixel)
 
     def start(self) -> _Appearance:
         """An even light and albedo that give the median value."""
@@ -323,17 +293,7 @@ class _System:
             )
             gradient = rho[:, None] * about.diffuse_gradient.numpy().T
             gradient += rho_s * about.specular_gradient.numpy().T
-            rows = shape.rows(
-                sample.state,
-                sample.local,
-                sample.pixel,
-                sample.triangle,
-                sample.weights,
-                sample.position,
-                gradient,
-                sample.normals,
-            )
-            blocks.append(slope[:, None] * rows)
+            blocks.append(slope[:, None] * shape.rows(sample.seen, gradient))
         jacobian = np.concatenate(blocks, axis=1)
         size = np.abs(error)
         each = settings.independent / len(error) / settings.deviation**2

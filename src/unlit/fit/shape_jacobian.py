@@ -11,6 +11,8 @@ from a few array products; visibility is held fixed.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -22,6 +24,24 @@ from .landmarks import State, camera_motion
 _CREASE = 0.5
 
 
+@dataclass(frozen=True)
+class SeenPixels:
+    """N of the pixels that show the mesh at `state`.
+
+    local: (V, 3) vertices, model frame. pixel: (N,) row-major; triangle: (N,) seen there; weights:
+    (N, 3) barycentric; position: (N, 3) world, cm. normals: (H, W, 3) of all pixels, world, 0 off
+    the mesh.
+    """
+
+    state: State
+    local: np.ndarray
+    pixel: np.ndarray
+    triangle: np.ndarray
+    weights: np.ndarray
+    position: np.ndarray
+    normals: np.ndarray
+
+
 class ShapeJacobian:
     """Derivatives in the unknowns of `State.moved` for one model and camera."""
 
@@ -29,25 +49,13 @@ class ShapeJacobian:
         self.camera, self.triangles = camera, model.triangles
         self.basis = np.concatenate([model.identity, model.expression])
 
-    def rows(
-        self,
-        state: State,
-        local: np.ndarray,
-        pixel: np.ndarray,
-        triangle: np.ndarray,
-        weights: np.ndarray,
-        position: np.ndarray,
-        gradient: np.ndarray,
-        normals: np.ndarray,
-    ) -> np.ndarray:
-        """d value / d unknowns (N, 6 + I + E) of N pixels' values with a given normal gradient.
+    def rows(self, seen: SeenPixels, gradient: np.ndarray) -> np.ndarray:
+        """d value / d unknowns (N, 6 + I + E) of the pixels' values.
 
-        local: (V, 3) vertices, model frame. pixel: (N,) row-major; triangle: (N,) seen there;
-        weights: (N, 3) barycentric; position: (N, 3) world, cm. gradient: (N, 3) of the value
-        with respect to the unit normal, world frame. normals: (H, W, 3) normals of all pixels.
+        gradient: (N, 3) of the value with respect to the unit normal, world frame.
         """
-        inverse = state.rotation
-        corner, unit, turning = self._vertex_normals(local, triangle)
+        inverse, weights = seen.state.rotation, seen.weights
+        corner, unit, turning = self._vertex_normals(seen.local, seen.triangle)
         normal = np.einsum("pc,pcx->px", weights, unit[corner])
         length = np.linalg.norm(normal, axis=1, keepdims=True)
         normal /= length
@@ -58,10 +66,9 @@ class ShapeJacobian:
             for c in range(3)
         )
         by_turn = np.cross(normal @ inverse.T, gradient)
-        material = np.concatenate([by_turn, np.zeros((len(pixel), 3)), by_shape], axis=1)
-        moves = self._moves(state, triangle, weights, position)
-        motion = camera_motion(self.camera, position, moves)
-        slope_x, slope_y = (_image_slope(normals, pixel, axis) for axis in (1, 0))
+        material = np.concatenate([by_turn, np.zeros((len(corner), 3)), by_shape], axis=1)
+        motion = camera_motion(self.camera, seen.position, self._moves(seen))
+        slope_x, slope_y = (_image_slope(seen.normals, seen.pixel, axis) for axis in (1, 0))
         slide_x, slide_y = (np.sum(gradient * s, axis=1)[:, None] for s in (slope_x, slope_y))
         return material - slide_x * motion[:, 0] - slide_y * motion[:, 1]
 
@@ -94,19 +101,17 @@ class ShapeJacobian:
         change = (change - normal[:, None] * radial[..., None]) / length[:, None]
         return corner.reshape(-1, 3), normal, change
 
-    def _moves(
-        self, state: State, triangle: np.ndarray, weights: np.ndarray, position: np.ndarray
-    ) -> np.ndarray:
-        """Motion (N, 3, 6 + M), world, cm, of material points at `position`."""
-        corners = self.triangles[triangle]
-        count = len(self.basis)
-        moved = np.zeros((len(triangle), count, 3))
+    def _moves(self, seen: SeenPixels) -> np.ndarray:
+        """Motion (N, 3, 6 + M), world, cm, of the material points that are seen."""
+        corners, state = self.triangles[seen.triangle], seen.state
+        moved = np.zeros((len(corners), len(self.basis), 3))
         for c in range(3):
-            moved += weights[:, c, None, None] * self.basis[:, corners[:, c]].transpose(1, 0, 2)
+            basis = self.basis[:, corners[:, c]].transpose(1, 0, 2)
+            moved += seen.weights[:, c, None, None] * basis
         moved = (moved @ state.rotation.T).transpose(0, 2, 1)
-        arm = position - state.translation
+        arm = seen.position - state.translation
         turn = np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=-1)
-        shift = np.broadcast_to(np.eye(3), (len(triangle), 3, 3))
+        shift = np.broadcast_to(np.eye(3), (len(corners), 3, 3))
         return np.concatenate([turn, shift, moved], axis=2)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import ModelError
 from ..scene.surface_points import SurfacePoints
-from ..storage.npy import DAMAGED, read_header, reason
+from ..storage.arrays import DAMAGED, read_header, reason
 
 VERTEX_REGIONS = ("skin", "lips", "eyes", "eyebrows", "mouth", "scalp", "neck", "ears")
 LANDMARKS = 478
@@ -97,10 +97,8 @@ class HeadModel:
         part = path.with_name(f"{path.name}.{os.getpid()}.part")  # others may build it, too
         values = self.content() | {"format": FORMAT, "version": FORMAT_VERSION}
         try:
-            with zipfile.ZipFile(part, "w") as archive:
-                for name, value in values.items():
-                    with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                        np.lib.format.write_array(member, np.asarray(value), (1, 0), False)
+            with part.open("wb") as file:  # `savez` would add a suffix to the path
+                np.savez(file, allow_pickle=False, **values)
             part.replace(path)
         finally:
             part.unlink(missing_ok=True)
@@ -152,14 +150,11 @@ def _read_npz(path: Path) -> dict[str, np.ndarray]:
         for entry in archive.infolist():
             with archive.open(entry) as member:
                 shape, fortran, dtype = read_header(member)
-                count = int(np.prod(shape, dtype=np.float64))
-                if dtype.hasobject or fortran or count * dtype.itemsize > entry.file_size:
-                    raise ValueError(f"array {entry.filename} does not fit its header")
-                size = count * dtype.itemsize
-                data = bytearray(member.read(size))
-                if len(data) != size:
-                    raise ValueError(f"array {entry.filename} is cut short")
-            array = np.frombuffer(data, dtype=dtype, count=count).reshape(shape)
+            size = np.prod(shape, dtype=np.float64) * dtype.itemsize
+            if dtype.hasobject or fortran or size > entry.file_size:
+                raise ValueError(f"array {entry.filename} does not fit its header")
+            with archive.open(entry) as member:
+                array = np.lib.format.read_array(member, allow_pickle=False)
             arrays[entry.filename.removesuffix(".npy")] = array
     return arrays
 

@@ -6,39 +6,21 @@ Computer-Aided Design 10(6), 1978; boundaries as cubic B-spline curves.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sp
 
 
-@dataclass(frozen=True)
-class Subdivision:
-    """matrix: (N, V) float32 CSR, rows summing to 1; quads: (4 Q, 4) int32 into the N rows."""
-
-    matrix: sp.csr_matrix
-    quads: np.ndarray
-
-    @property
-    def count(self) -> int:
-        """Number of fine vertices N."""
-        return int(self.quads.max()) + 1
-
-    def apply(self, values: np.ndarray) -> np.ndarray:
-        """Refine `values` (..., V, C) to (..., N, C), float32."""
-        flat = np.moveaxis(values, -2, 0)
-        fine = self.matrix @ flat.reshape(len(flat), -1)
-        return np.moveaxis(fine.reshape(-1, *flat.shape[1:]), 0, -2).astype(np.float32)
-
-
-def catmull_clark(quads: np.ndarray, vertex_count: int, smooth: bool = True) -> Subdivision:
+def catmull_clark(
+    quads: np.ndarray, vertex_count: int, smooth: bool = True
+) -> tuple[sp.csr_matrix, np.ndarray]:
     """Split every quad in four.
 
     quads: (Q, 4) int corner indices, consistently oriented; edges have one or two quads.
     smooth: False places the new points at plain midpoints and leaves the old ones alone, which
         is what texture coordinates need.
 
-    The fine vertices are the old vertices, then one per edge, then one per quad.
+    Returns the matrix (N, V), float32, rows summing to 1, that gives the fine vertices, and the
+    quads (4 Q, 4) int32 into them: the old vertices, then one per edge, then one per quad.
     """
     corner = quads.astype(np.int64)
     following = np.roll(corner, -1, axis=1)
@@ -69,7 +51,7 @@ def catmull_clark(quads: np.ndarray, vertex_count: int, smooth: bool = True) -> 
     centre = np.broadcast_to(vertex_count + n_edge + np.arange(n_face)[:, None], corner.shape)
     fine = np.stack([corner, edges, centre, np.roll(edges, 1, axis=1)], axis=-1)
     matrix = sp.vstack([vertex_points, edge_points, face_points]).tocsr().astype(np.float32)
-    return Subdivision(sp.csr_matrix(matrix), fine.reshape(-1, 4).astype(np.int32))
+    return sp.csr_matrix(matrix), fine.reshape(-1, 4).astype(np.int32)
 
 
 def triangulate(quads: np.ndarray) -> np.ndarray:

@@ -15,8 +15,8 @@ from pathlib import Path
 from ..errors import OutputError
 from ..face.reconstruction import Reconstruction
 from ..output.images import encoded, normals
+from ..storage.arrays import DAMAGED
 from ..storage.folder import STAGES
-from ..storage.npy import DAMAGED
 from .pictures import webp
 
 #: In order, for each state: its name, and WebP files by kind ("render", "albedo", "normals").

@@ -1,12 +1,16 @@
-"""Arrays in .npz files, each checked before it is read.
+"""Arrays in .npz files from anywhere, each checked before it is read.
 
 An array's type and size are read from its header and held against a table before any memory is
-taken for it; nothing is ever unpickled.
+taken for it; nothing is ever unpickled. What may go wrong comes as few kinds of error.
 """
 
 from __future__ import annotations
 
+import lzma
+import struct
+import warnings
 import zipfile
+import zlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +19,17 @@ from typing import IO
 import numpy as np
 
 from ..errors import OutputError
-from .npy import DAMAGED, read_header, reason
+
+#: What `zipfile` and its decompressors raise on a damaged or hostile archive, besides KeyError for
+#: a member that is not there.
+DAMAGED = (
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, OSError, EOFError),
+    *(ValueError, OverflowError, IndexError, RuntimeError, NotImplementedError),
+)
+_HEADER_READERS = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
 
 
 @dataclass(frozen=True)
@@ -30,6 +44,22 @@ class Kind:
 #: landmarks, pixels of a mask, cells of a light, bytes of text.
 _SMALL = {"S": 4096, "K": 100_000, "L": 100_000, "M": 100_000, "D": 1_000_000}
 _LIMITS = _SMALL | {"V": 4_000_000, "F": 8_000_000, "T": 8_000_000, "P": 4096**2, "B": 16 << 20}
+
+
+def read_header(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
+    """Shape, Fortran order and type of the array in `member`. Raises ValueError."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about headers that Python 2 wrote
+            return _HEADER_READERS[np.lib.format.read_magic(member)](member)
+    except Exception as error:  # it is parsed as Python, in whose compiler anything may happen
+        raise ValueError("its header cannot be read") from error
+
+
+def reason(error: Exception) -> str:
+    """What `error` says, as a short line: it may quote the file's bytes."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 120 else f"{text[:117]}..."
 
 
 def check_indices(path: Path, name: str, index: np.ndarray, size: int, low: int = 0) -> None:

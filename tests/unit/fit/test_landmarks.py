@@ -43,9 +43,9 @@ def test_known_pose_comes_back(head, angles):
     place = np.array([1.0, -2.0, -48.0])
     landmarks, vertices = seen(head, turn, place)
     fit = exact(head, landmarks)
-    off = Rotation.from_matrix(fit.rotation @ turn.T).magnitude()
+    off = Rotation.from_matrix(fit.state.rotation @ turn.T).magnitude()
     assert np.degrees(off) < 0.5
-    assert np.abs(fit.translation - place).max() < 0.3
+    assert np.abs(fit.state.translation - place).max() < 0.3
     assert np.linalg.norm(fit.vertices - vertices, axis=-1).mean() < 0.3
     assert fit.landmark_residual < 0.01
     assert fit.vertices.dtype == np.float32 and np.isfinite(fit.vertices).all()
@@ -66,7 +66,7 @@ def test_the_mean_error_is_taken_off(head, roll):
     landmarks[:, :2] += (256 - CAMERA.cx, 256 - CAMERA.cy)
 
     def off(fit):
-        return np.degrees(Rotation.from_matrix(fit.rotation @ turn.T).magnitude())
+        return np.degrees(Rotation.from_matrix(fit.state.rotation @ turn.T).magnitude())
 
     assert off(LandmarkProblem(head, landmarks, centred, SETTINGS).solve()) < 1
     assert off(exact(head, landmarks, centred, SETTINGS)) > 2
@@ -84,7 +84,7 @@ def test_landmarks_in_the_dark_count_little(head):
 
     def off(image):
         problem = LandmarkProblem(head, landmarks, CAMERA, SETTINGS, bias=NO_ERROR, image=image)
-        return np.degrees(Rotation.from_matrix(problem.solve().rotation @ turn.T).magnitude())
+        return np.degrees(Rotation.from_matrix(problem.solve().state.rotation @ turn.T).magnitude())
 
     assert off(None) > 3
     assert off(image) < 0.6 * off(None)
@@ -111,13 +111,13 @@ def test_identity_and_expression_help(head):
     """Trusting exact landmarks, the fit beats the mean head's residual threefold for a stranger."""
     rng = np.random.default_rng(3)
     identity = np.clip(rng.normal(size=len(head.identity)), -1.5, 1.5)
-    identity[len(shipped_prior().combinations) :] = 0  # displacements move landmarks by too little
+    identity[len(shipped_prior().components) :] = 0  # displacements move landmarks by too little
     landmarks, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]), identity, {"jawOpen": 0.5})
     fit = exact(head, landmarks, settings=LandmarkFit(deviation=8))
     mean = exact(head, landmarks, settings=LandmarkFit(deviation=1e6, gap_deviation=1e6))
     assert fit.landmark_residual < mean.landmark_residual / 3
-    assert (fit.expression >= 0).all() and (fit.expression <= 1).all()
-    assert fit.expression[head.expression_names.index("jawOpen")] > 0.15
+    assert (fit.state.expression >= 0).all() and (fit.state.expression <= 1).all()
+    assert fit.state.expression[head.expression_names.index("jawOpen")] > 0.15
 
 
 def test_resolution_does_not_matter(head):

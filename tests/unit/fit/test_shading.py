@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from unlit.fit.landmarks import LandmarkProblem, State
-from unlit.fit.shading import photometric_fit
-from unlit.fit.shape_jacobian import ShapeJacobian
+from unlit.fit.shading import ShadingProblem
+from unlit.fit.shape_jacobian import SeenPixels, ShapeJacobian
 from unlit.head.landmark_error import NO_ERROR
 from unlit.head.model import HeadModel
 from unlit.machine.runtime import mitsuba
@@ -63,16 +63,16 @@ def test_jacobian_is_the_finite_difference(head: HeadModel) -> None:
     skin = (head.vertex_region[head.triangles[triangle]] == 0).all(axis=1)
     skin &= np.abs(before[pixel] @ (0, 0, 1)) > 0.4
     gradient = np.tile((0.6, 0.5, 0.3), (len(pixel), 1))
-    rows = ShapeJacobian(head, CAMERA).rows(
+    seen = SeenPixels(
         state,
         head.vertices(state.identity, state.expression),
         pixel,
         triangle,
         weights.numpy().T,
         position.numpy().T,
-        gradient,
         before.reshape(SIZE, SIZE, 3),
     )
+    rows = ShapeJacobian(head, CAMERA).rows(seen, gradient)
     for unknown in (0, 1, 2, 3, 5, 6, 9, 20):
         move = np.zeros(rows.shape[1])
         move[unknown] = 0.01
@@ -124,13 +124,13 @@ def test_shading_corrects_a_turn(head: HeadModel) -> None:
     wrong = turned_away(state, -5)
     problem = LandmarkProblem(head, seen(head, wrong), CAMERA, LandmarkFit(), bias=NO_ERROR)
     fit = problem.fit(wrong, mouth_closed=False)
-    better = photometric_fit(problem, fit, image, regions, ShadingFit(), False)
+    better = ShadingProblem(problem, image, regions, ShadingFit()).solve(fit, False)
 
     def off(rotation: np.ndarray) -> float:
         return np.degrees(Rotation.from_matrix(rotation @ state.rotation.T).magnitude())
 
-    assert off(fit.rotation) == pytest.approx(5, abs=0.1)
-    assert off(better.rotation) < 3
+    assert off(fit.state.rotation) == pytest.approx(5, abs=0.1)
+    assert off(better.state.rotation) < 3
     error = [np.linalg.norm(f.vertices - placed(head, state), axis=1).mean() for f in (fit, better)]
     assert error[1] < error[0]
 
@@ -146,8 +146,8 @@ def test_several_starts_find_the_turn_of_a_face_half_in_shadow(head: HeadModel) 
     fit = problem.fit(wrong, mouth_closed=False)
 
     def off(settings: ShadingFit) -> float:
-        found = photometric_fit(problem, fit, image, regions, settings, False).rotation
-        return np.degrees(Rotation.from_matrix(found @ state.rotation.T).magnitude())
+        found = ShadingProblem(problem, image, regions, settings).solve(fit, False)
+        return np.degrees(Rotation.from_matrix(found.state.rotation @ state.rotation.T).magnitude())
 
     assert off(ShadingFit()) < 3 < 6 < off(ShadingFit(turns=()))
 
@@ -158,7 +158,7 @@ def test_even_light_keeps_the_landmarks_mesh(head: HeadModel) -> None:
     image, regions = photograph(head, state, uniform())
     problem = LandmarkProblem(head, seen(head, state), CAMERA, LandmarkFit(), bias=NO_ERROR)
     fit = problem.fit(state, mouth_closed=False)
-    assert photometric_fit(problem, fit, image, regions, ShadingFit(), False) is fit
+    assert ShadingProblem(problem, image, regions, ShadingFit()).solve(fit, False) is fit
 
 
 def test_no_skin_keeps_the_landmarks_mesh(head: HeadModel) -> None:
@@ -169,4 +169,5 @@ def test_no_skin_keeps_the_landmarks_mesh(head: HeadModel) -> None:
     nothing = np.zeros((SIZE, SIZE, 6), dtype=np.float32)
     nothing[..., 5] = 1
     image = np.full((SIZE, SIZE, 3), 0.3, dtype=np.float32)
-    assert photometric_fit(problem, fit, image, Regions(nothing), ShadingFit(), False) is fit
+    shading = ShadingProblem(problem, image, Regions(nothing), ShadingFit())
+    assert shading.solve(fit, False) is fit

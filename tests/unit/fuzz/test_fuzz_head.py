@@ -152,6 +152,6 @@ def test_damaged_data_of_the_default_head(tmp_path_factory, monkeypatch, data):
         patch.setattr(makehuman, "Files", _FewFiles)
         patch.setattr(makehuman, "_Builder", Builder)
         try:
-            makehuman.build_unlearnt(wheel)
+            makehuman.build(wheel, SurfacePoints.empty(LANDMARKS))
         except ModelError as error:
             assert "\n" not in str(error)

@@ -44,6 +44,6 @@ def test_shipped_prior_moves_the_mean_by_millimetres(head: HeadModel) -> None:
     """A row per component before the displacements; the mean is no caricature."""
     prior = shipped_prior()
     components = len(head.identity) - len(shipped_displacement().components)
-    assert prior.combinations.shape == (components, len(prior.mean))
-    assert np.isfinite(prior.combinations).all() and np.isfinite(prior.mean).all()
+    assert prior.components.shape == (components, len(prior.mean))
+    assert np.isfinite(prior.components).all() and np.isfinite(prior.mean).all()
     assert 0.1 < np.abs(prior.mean).max() < 5

@@ -21,12 +21,12 @@ from ...machine.assets import ASSETS, asset, cache_folder
 from ...perception.topology import LEFT_LID_GAP, RIGHT_LID_GAP
 from ...scene.normals import vertex_normals
 from ...scene.surface_points import SurfacePoints
+from ...storage.arrays import DAMAGED, reason
 from ...storage.keys import key
-from ...storage.npy import DAMAGED, reason
 from ..basis import principal_combinations, remove_similarity, vertex_areas
 from ..eyebrows import eyebrow_vertices
 from ..lips import seal_lips
-from ..model import LANDMARKS, VERTEX_REGIONS, HeadModel
+from ..model import VERTEX_REGIONS, HeadModel
 from ..subdivision import catmull_clark, triangulate
 from . import makehuman_learnt as learnt
 from . import makehuman_parts as parts
@@ -70,7 +70,8 @@ def cached_model() -> HeadModel:
             return HeadModel.load(path)
         except ModelError:
             path.unlink(missing_ok=True)  # cut short or damaged: ours to build anew
-    model = build(asset(ASSET))
+    shipped = learnt.shipped_landmarks(), learnt.shipped_prior(), learnt.shipped_displacement()
+    model = build(asset(ASSET), *shipped)[0]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         model.save(path)
@@ -79,34 +80,18 @@ def cached_model() -> HeadModel:
     return model
 
 
-def build(wheel: Path, bare: bool = False) -> HeadModel:
-    """Build the model from the wheel at `wheel`; raises ModelError if its data are not as known.
-
-    bare: leave the landmarks out and the lips as they come, as needed to find the landmarks.
-    """
-    landmarks = SurfacePoints.empty(LANDMARKS) if bare else learnt.shipped_landmarks()
-    return _build(wheel, landmarks, learnt.shipped_prior(), learnt.shipped_displacement())[0]
-
-
-def build_flat(wheel: Path) -> HeadModel:
-    """The model with the learnt prior and no displacement, from which that is learnt."""
-    return _build(wheel, learnt.shipped_landmarks(), learnt.shipped_prior(), None)[0]
-
-
-def build_unlearnt(wheel: Path) -> tuple[HeadModel, np.ndarray, np.ndarray]:
-    """The model with the artist's shapes and hand-set deviations, from which a prior is learnt.
-
-    Also the axes (J, V, 3), float64, and the rows (I, J) that make the model's identity of them.
-    """
-    return _build(wheel, learnt.shipped_landmarks(), None, None)
-
-
-def _build(
+def build(
     wheel: Path,
     landmarks: SurfacePoints,
-    prior: learnt.ShapePrior | None,
-    displacement: learnt.DisplacementBasis | None,
+    prior: learnt.Shapes | None = None,
+    displacement: learnt.Shapes | None = None,
 ) -> tuple[HeadModel, np.ndarray, np.ndarray]:
+    """Build the model from the wheel at `wheel`; raises ModelError if its data are not as known.
+
+    landmarks: where they lie; of a model without any the lips stay as they come. prior: None for
+    the artist's shapes in hand-set deviations. displacement: None for no more than these make.
+    Also the axes (J, V, 3), float64, and the rows (I, J) that make identity components of them.
+    """
     try:
         with zipfile.ZipFile(wheel) as archive:
             return _Builder(Files(archive)).model(landmarks, prior, displacement)
@@ -130,22 +115,21 @@ class _Builder:
         self.kept_vertices, quads = np.unique(source.quads[kept], return_inverse=True)
         kept_uv, quad_uv = np.unique(source.quad_uv[kept], return_inverse=True)
         quads, quad_uv = quads.reshape(-1, 4), quad_uv.reshape(-1, 4)
-        self.subdivision = catmull_clark(quads, len(self.kept_vertices))
-        flat = catmull_clark(quad_uv, len(kept_uv), smooth=False)
-        self.base_uv = flat.apply(source.uv[kept_uv])
+        self.refining, quads = catmull_clark(quads, len(self.kept_vertices))
+        refining_uv, quad_uv = catmull_clark(quad_uv, len(kept_uv), smooth=False)
+        self.base_uv = (refining_uv @ source.uv[kept_uv]).astype(np.float32)
         uv_island = np.full(len(self.base_uv), -1)
         fine_island = np.repeat(island[kept], 4)
-        uv_island[flat.quads] = fine_island[:, None]
-        self.uv_of_vertex = np.zeros(self.subdivision.count, dtype=int)
+        uv_island[quad_uv] = fine_island[:, None]
+        self.uv_of_vertex = np.zeros(self.refining.shape[0], dtype=int)
         # Where vertices have several texture coordinates the skin's comes last and wins.
         order = np.argsort(fine_island != parts.SKIN, kind="stable")[::-1]
-        self.uv_of_vertex[self.subdivision.quads[order]] = flat.quads[order]
+        self.uv_of_vertex[quads[order]] = quad_uv[order]
         self.island_of_vertex = uv_island[self.uv_of_vertex]
 
         directions, ball_triangles, ball_uv = parts.sphere()
         self.eyeballs = [parts.Eyeball(helper, directions) for helper in parts.EYEBALL_HELPERS]
-        triangles = [triangulate(self.subdivision.quads)]
-        triangle_uv = [triangulate(flat.quads)]
+        triangles, triangle_uv = [triangulate(quads)], [triangulate(quad_uv)]
         uv = [parts.head_uv(self.base_uv, uv_island)]
         vertex_count, uv_count = len(self.uv_of_vertex), len(self.base_uv)
         for u0, v0, u1, v1 in parts.EYEBALL_PLACES:
@@ -161,8 +145,8 @@ class _Builder:
     def model(
         self,
         landmarks: SurfacePoints,
-        prior: learnt.ShapePrior | None,
-        displacement: learnt.DisplacementBasis | None,
+        prior: learnt.Shapes | None,
+        displacement: learnt.Shapes | None,
     ) -> tuple[HeadModel, np.ndarray, np.ndarray]:
         base = self.source.positions + self._average_adult()
         neutral = self._refine(base)
@@ -175,7 +159,7 @@ class _Builder:
             weights = inner_product_weights(neutral, self.triangles, region)
             combinations = principal_combinations(axes, np.eye(len(axes)), weights, KEEP)
         else:
-            combinations = prior.combinations
+            combinations = prior.components
             if combinations.shape[1] != len(axes):
                 raise ValueError(f"{len(axes)} identity axes, the prior is of another number")
             neutral = neutral + np.tensordot(prior.mean, axes, axes=1)
@@ -206,7 +190,7 @@ class _Builder:
     def _refine(self, base: np.ndarray, displacement: np.ndarray | None = None) -> np.ndarray:
         """Model vertices of base mesh positions, or of a displacement of them."""
         coarse = base if displacement is None else displacement
-        skin = self.subdivision.matrix @ coarse[self.kept_vertices]
+        skin = self.refining @ coarse[self.kept_vertices]
         return np.concatenate([skin, *(ball.moved(base, displacement) for ball in self.eyeballs)])
 
     def _macro(self, name: str) -> np.ndarray:

@@ -20,22 +20,10 @@ DISPLACEMENT_FILE = Path(__file__).with_name("makehuman_displacement.npz")
 
 
 @dataclass(frozen=True)
-class ShapePrior:
-    """A Gaussian over the J axes of MakeHuman's identity, each in its own standard deviations.
+class Shapes:
+    """A Gaussian over N numbers that make a shape, float32.
 
-    mean: (J,). combinations: (I, J): row i is one standard deviation along component i; the
-    components are independent and the largest comes first. float32.
-    """
-
-    mean: np.ndarray
-    combinations: np.ndarray
-
-
-@dataclass(frozen=True)
-class DisplacementBasis:
-    """Displacements, cm, along the normals of the neutral head: a mean and principal components.
-
-    mean: (V,). components: (K, V), each of one standard deviation, independent, the largest first.
+    mean: (N,). components: (K, N), each of one standard deviation, independent, the largest first.
     """
 
     mean: np.ndarray
@@ -48,18 +36,16 @@ def shipped_landmarks() -> SurfacePoints:
     return SurfacePoints(arrays["triangle"], arrays["barycentric"])
 
 
-def shipped_prior() -> ShapePrior:
-    """Of the shape of faces in terms of MakeHuman's axes."""
+def shipped_prior() -> Shapes:
+    """Of faces: amounts of MakeHuman's axes of identity, each in its own standard deviations."""
     arrays = _arrays(PRIOR_FILE)
-    return ShapePrior(arrays["mean"], arrays["combinations"])
+    return Shapes(arrays["mean"], arrays["combinations"])
 
 
-def shipped_displacement() -> DisplacementBasis:
-    """Of what MakeHuman's axes cannot make of faces, float32."""
+def shipped_displacement() -> Shapes:
+    """Of what these axes cannot make of faces: cm along the normals of the neutral's vertices."""
     arrays = _arrays(DISPLACEMENT_FILE)
-    return DisplacementBasis(
-        arrays["mean"].astype(np.float32), arrays["components"].astype(np.float32)
-    )
+    return Shapes(arrays["mean"].astype(np.float32), arrays["components"].astype(np.float32))
 
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:

@@ -10,11 +10,12 @@ from scipy.sparse.csgraph import connected_components
 from unlit.errors import ModelError
 from unlit.head.basis import vertex_areas
 from unlit.head.lips import LOWER_RIM, UPPER_RIM
-from unlit.head.model import VERTEX_REGIONS, HeadModel
+from unlit.head.model import LANDMARKS, VERTEX_REGIONS, HeadModel
 from unlit.head.sources import makehuman
 from unlit.head.sources.makehuman import inner_product_weights
 from unlit.head.sources.makehuman_learnt import shipped_prior
 from unlit.perception.topology import BLENDSHAPE_NAMES
+from unlit.scene.surface_points import SurfacePoints
 
 
 def region(head: HeadModel, name: str) -> np.ndarray:
@@ -65,7 +66,7 @@ def test_identity_basis_is_orthogonal_and_plausible(head):
     The displacements, which follow the axes' components, are not orthogonal to them.
     """
     weights = inner_product_weights(head.neutral, head.triangles, head.vertex_region)
-    basis = head.identity[: len(shipped_prior().combinations)].astype(np.float64)
+    basis = head.identity[: len(shipped_prior().components)].astype(np.float64)
     gram = np.einsum("ivx,v,jvx->ij", basis, weights, basis, optimize=True)
     size = np.diag(gram)
     # The areas are those of the artist's neutral; the learnt mean's differ a little.
@@ -110,7 +111,7 @@ def test_damaged_cache_is_rebuilt(head, tmp_path, monkeypatch):
     """A cached file that was cut short is built anew, not reported."""
     monkeypatch.setattr(makehuman, "cache_folder", lambda: tmp_path / "models")
     monkeypatch.setattr(makehuman, "asset", lambda name: tmp_path)
-    monkeypatch.setattr(makehuman, "build", lambda wheel: head)
+    monkeypatch.setattr(makehuman, "build", lambda *_: (head, None, None))
     makehuman.cached_model()
     (file,) = (tmp_path / "heads").iterdir()
     file.write_bytes(file.read_bytes()[:1000])
@@ -123,4 +124,4 @@ def test_wrong_wheel_is_named(tmp_path):
     path = tmp_path / "other.whl"
     path.write_text("no")
     with pytest.raises(ModelError, match=r"other\.whl: not the MakeHuman data"):
-        makehuman.build(path)
+        makehuman.build(path, SurfacePoints.empty(LANDMARKS))
