@@ -19,6 +19,34 @@ _ENLARGED = 1.1
 #: Of the eye distance: 0.018 to 0.048 on portraits that fitted well (docs/method.md).
 _RESIDUAL = 0.055
 
+# What is told of a share of the face.
+_SHADOWED = (
+    f"Shadowed: {{:.0%}} of the face gets less than {_SHADOW:.0%} of the strongest light. "
+    "There the albedo is a guess from few grey levels."
+)
+_CAST_SHADOW = (
+    "Cast shadow: {:.0%} of the face seems to lie in the shadow of something else (hair, "
+    "a hat, a hand). There the maps are filled in from around; if it is the skin itself that "
+    "is dark, set cast_shadow.mode to keep."
+)
+_SATURATED = (
+    "Saturated: {:.1%} of the face is as bright as the file can be. Highlights there are "
+    "weaker than they were; a darker exposure would help."
+)
+_CRUSHED = (
+    "Clipped: {:.1%} of the face is black in the file. It says nothing about the skin "
+    "there; a brighter exposure would help."
+)
+_IMPOSSIBLE = (
+    "Bright: the diffuse albedo of {:.1%} of the face exceeds 1, which no skin does. "
+    "What exposure or light_color was told does not fit this photo; 8-bit files are "
+    "clipped."
+)
+_AT_BOUND = (
+    "Clipped: the diffuse albedo of {:.1%} of the face lies at its upper bound. The "
+    "light is probably taken for too weak there."
+)
+
 
 def warnings(r: Reconstruction) -> tuple[str, ...]:
     """The warnings kept in metrics.json, printed and shown; empty where nothing was found."""
@@ -30,14 +58,14 @@ def warnings(r: Reconstruction) -> tuple[str, ...]:
     # As in the stages: the best-lit skin has E = 1, and the light no colour.
     albedo = diffuse / np.float32(r.gain)
     shading = r.images.diffuse_shading * np.float32(r.gain) / r.light.color
-    visibility = r.conditions.visibility
+    visibility, bound = r.conditions.visibility, _NEAR * r.settings.max_diffuse
     found = (
-        _shadowed(_share(shading[inside].mean(axis=1) < _SHADOW)),
-        "" if visibility is None else _cast_shadow(_share(visibility[inside] < 0.5)),
-        _saturated(_share((photo >= UNCLIPPED[1]).any(axis=1))),
-        _crushed(_share((photo <= UNCLIPPED[0]).all(axis=1))),
-        _impossible(_share((diffuse[inside] > 1).any(axis=1))),
-        _at_bound(_share((albedo[inside] >= _NEAR * r.settings.max_diffuse).any(axis=1))),
+        _of_share(_SHADOWED, shading[inside].mean(axis=1) < _SHADOW, _SHADOWED_SHARE),
+        "" if visibility is None else _of_share(_CAST_SHADOW, visibility[inside] < 0.5, 0),
+        _of_share(_SATURATED, (photo >= UNCLIPPED[1]).any(axis=1)),
+        _of_share(_CRUSHED, (photo <= UNCLIPPED[0]).all(axis=1)),
+        _of_share(_IMPOSSIBLE, (diffuse[inside] > 1).any(axis=1)),
+        _of_share(_AT_BOUND, (albedo[inside] >= bound).any(axis=1)),
         _small(r.photo.crop.scale, inside),
         _misfit(r.head.landmark_residual),
         _light_color(r.conditions.light_estimate),
@@ -46,62 +74,10 @@ def warnings(r: Reconstruction) -> tuple[str, ...]:
     return tuple(sentence for sentence in found if sentence)
 
 
-def _share(where: Any) -> float:
-    return float(np.mean(where))
-
-
-def _shadowed(share: float) -> str:
-    if share < _SHADOWED_SHARE:
-        return ""
-    return (
-        f"Shadowed: {share:.0%} of the face gets less than {_SHADOW:.0%} of the strongest light. "
-        "There the albedo is a guess from few grey levels."
-    )
-
-
-def _cast_shadow(share: float) -> str:
-    return (
-        f"Cast shadow: {share:.0%} of the face seems to lie in the shadow of something else (hair, "
-        "a hat, a hand). There the maps are filled in from around; if it is the skin itself that "
-        "is dark, set cast_shadow.mode to keep."
-    )
-
-
-def _saturated(share: float) -> str:
-    if share < _CLIPPED_SHARE:
-        return ""
-    return (
-        f"Saturated: {share:.1%} of the face is as bright as the file can be. Highlights there are "
-        "weaker than they were; a darker exposure would help."
-    )
-
-
-def _crushed(share: float) -> str:
-    if share < _CLIPPED_SHARE:
-        return ""
-    return (
-        f"Clipped: {share:.1%} of the face is black in the file. It says nothing about the skin "
-        "there; a brighter exposure would help."
-    )
-
-
-def _impossible(share: float) -> str:
-    if share < _CLIPPED_SHARE:
-        return ""
-    return (
-        f"Bright: the diffuse albedo of {share:.1%} of the face exceeds 1, which no skin does. "
-        "What exposure or light_color was told does not fit this photo; 8-bit files are "
-        "clipped."
-    )
-
-
-def _at_bound(share: float) -> str:
-    if share < _CLIPPED_SHARE:
-        return ""
-    return (
-        f"Clipped: the diffuse albedo of {share:.1%} of the face lies at its upper bound. The "
-        "light is probably taken for too weak there."
-    )
+def _of_share(sentence: str, where: Any, least: float = _CLIPPED_SHARE) -> str:
+    """`sentence` with the share of the face that `where` marks, if it is `least` or more."""
+    share = float(np.mean(where))
+    return sentence.format(share) if share >= least else ""
 
 
 def _small(scale: float, inside: np.ndarray) -> str:

@@ -39,12 +39,12 @@ def coverage(contour: np.ndarray, resolution: int) -> np.ndarray:
     )
 
 
+def filled(landmarks: np.ndarray, resolution: int, *contours: tuple[int, ...]) -> np.ndarray:
+    """(S, S) bool: inside any smooth contour through some of the landmarks (478, 2), pixels."""
+    smooth = (smooth_contour(landmarks[list(contour)]) for contour in contours)
+    return np.any([coverage(contour, resolution) > 0.5 for contour in smooth], axis=0)
+
+
 def feather(mask: np.ndarray, sigma: float) -> np.ndarray:
     """Mask (S, S) blurred by a Gaussian of `sigma` pixels."""
     return cv2.GaussianBlur(mask, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
-
-
-def area(contour: np.ndarray) -> float:
-    """Area enclosed by a closed contour (N, 2)."""
-    x, y = contour[:, 0], contour[:, 1]
-    return float(abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2)

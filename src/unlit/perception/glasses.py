@@ -10,7 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from .contours import coverage, feather, smooth_contour
+from .contours import feather, filled
 from .measures import dark_lines, disk, face_size, log_luminance, upwards
 from .topology import BRIDGE_LINES, LEFT_EYE, LEFT_EYEBROW, RIGHT_EYE, RIGHT_EYEBROW
 
@@ -32,12 +32,8 @@ def glasses_frames(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
     depth = min(strength for strength, _ in bridge)
     if depth < _BRIDGE:
         return np.zeros((resolution, resolution), np.float32)
-
-    def filled(indices: tuple[int, ...]) -> np.ndarray:
-        return coverage(smooth_contour(landmarks[list(indices)]), resolution) > 0.5
-
-    eyes = (filled(RIGHT_EYE) | filled(LEFT_EYE)).astype(np.uint8)
-    brows = filled(RIGHT_EYEBROW) | filled(LEFT_EYEBROW)
+    eyes = filled(landmarks, resolution, RIGHT_EYE, LEFT_EYE).astype(np.uint8)
+    brows = filled(landmarks, resolution, RIGHT_EYEBROW, LEFT_EYEBROW)
     lashes = cv2.dilate(eyes, disk(0.012 * size)) > 0
     # From the brows to the nostrils, as wide as the photo: the arms run towards the ears.
     up = upwards(landmarks)

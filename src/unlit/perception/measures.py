@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 
 from ..color import luminance
-from .contours import area
 from .topology import CHIN, FACE_OVAL, HAIRLINE
 
 _DARK = 0.004  # linear floor under the logarithms, against noise
@@ -14,7 +13,9 @@ _DARK = 0.004  # linear floor under the logarithms, against noise
 
 def face_size(landmarks: np.ndarray) -> float:
     """Square root of the area of the face oval, pixels: the yardstick of every margin."""
-    return float(np.sqrt(area(landmarks[list(FACE_OVAL)])))
+    oval = landmarks[list(FACE_OVAL)]
+    x, y = oval[:, 0], oval[:, 1]
+    return float(np.sqrt(abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2))
 
 
 def upwards(landmarks: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from .contours import coverage, smooth_contour
+from .contours import filled
 from .measures import colours, disk, face_size, smoothstep
 from .topology import LIP_GAP, LIPS_INNER, LIPS_OUTER
 
@@ -47,13 +47,9 @@ def mouth_opening(image: np.ndarray, landmarks: np.ndarray) -> float:
 
 def _share_unlike_lips(image: np.ndarray, landmarks: np.ndarray) -> float:
     """Share of the pixels between the inner contours that no part of the lips resembles."""
-
-    def filled(indices: tuple[int, ...]) -> np.ndarray:
-        contour = smooth_contour(landmarks[list(indices)])
-        return (coverage(contour, image.shape[0]) > 0.5).astype(np.uint8)
-
-    size = face_size(landmarks)
-    inner, outer = filled(LIPS_INNER), filled(LIPS_OUTER)
+    size, resolution = face_size(landmarks), len(image)
+    inner = filled(landmarks, resolution, LIPS_INNER).astype(np.uint8)
+    outer = filled(landmarks, resolution, LIPS_OUTER).astype(np.uint8)
     lips = (cv2.erode(outer, disk(0.004 * size)) > 0) & ~(cv2.dilate(inner, disk(0.007 * size)) > 0)
     if inner.sum() < _MIN_PIXELS or lips.sum() < _MIN_PIXELS:
         return 0.0

@@ -28,6 +28,7 @@ from PIL.TiffImagePlugin import TiffImageFile
 
 from ..color import decode_srgb, encode_srgb
 from ..errors import PhotoError
+from ..storage.arrays import reason
 from .icc import Profile, ProfileError, matrix_profile, srgb_profile
 
 MAX_PIXELS = 100_000_000
@@ -152,7 +153,7 @@ def read_photo(path: Path | str) -> Photo:
         raise PhotoError(f"{path}: too large for this machine's memory; scale it down") from error
     except _DAMAGED as error:
         raise PhotoError(
-            f"{path}: the picture is damaged or cut off ({_first_line(error)}); "
+            f"{path}: the picture is damaged or cut off ({reason(error)}); "
             "get a fresh copy of the file"
         ) from error
 
@@ -166,11 +167,6 @@ def _upright_photo(decoded: _Decoded, source: str) -> Photo:
     pixels = _upright(pixels, decoded.orientation)
     focal = focal_from_exif(decoded.exif, pixels.shape[1], pixels.shape[0])
     return Photo(pixels, alpha, focal, source, colours, white_luminance_from_exif(decoded.exif))
-
-
-def _first_line(error: Exception) -> str:
-    text = str(error).strip().splitlines()
-    return text[0].strip() if text else type(error).__name__
 
 
 def _read_bytes(path: Path) -> bytes:
@@ -189,7 +185,7 @@ def _read_bytes(path: Path) -> bytes:
     except PermissionError as error:
         raise PhotoError(f"{path}: no permission to read it; change its access rights") from error
     except (OSError, ValueError) as error:
-        raise PhotoError(f"{path}: cannot be read ({_first_line(error)})") from error
+        raise PhotoError(f"{path}: cannot be read ({reason(error)})") from error
     if not data:
         raise PhotoError(f"{path}: the file is empty; get a fresh copy of it")
     return data

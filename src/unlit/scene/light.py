@@ -68,13 +68,6 @@ class SphericalGaussians:
         """Environment map (height, width[, 3]), float32 radiance at the pixel centres."""
         return self.radiance(latlong_directions(height, width))
 
-    def power(self) -> np.ndarray:
-        """Integral over the sphere of each lobe (K,), without `color`.
-
-        2 pi mu / lambda (1 - exp(-2 lambda)).
-        """
-        return 2 * np.pi * self.amplitude / self.sharpness * -np.expm1(-2 * self.sharpness)
-
     def scaled(self, gain: float) -> SphericalGaussians:
         """The same light times `gain`."""
         return replace(self, amplitude=self.amplitude * np.float32(gain))

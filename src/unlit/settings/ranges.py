@@ -36,9 +36,5 @@ def expected(kind: Any) -> str:
     if get_origin(kind) is not Annotated:
         return kind.__name__
     base, bounds = get_args(kind)
-    said = (text.format(getattr(bounds, end)) for end, text in _WORDS.items() if _has(bounds, end))
-    return ", ".join([base.__name__, *said])
-
-
-def _has(bounds: Meta, end: str) -> bool:
-    return getattr(bounds, end) is not None
+    ends = ((getattr(bounds, end), text) for end, text in _WORDS.items())
+    return ", ".join([base.__name__, *(text.format(x) for x, text in ends if x is not None)])

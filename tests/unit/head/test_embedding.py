@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from unlit.head.embedding import _Caster
+from unlit.head.embedding import _Head
 from unlit.head.sources.makehuman_learnt import shipped_landmarks
 from unlit.perception.topology import LEFT_EYE, RIGHT_EYE
 from unlit.scene.surface_points import SurfacePoints
@@ -11,7 +11,9 @@ from unlit.scene.surface_points import SurfacePoints
 def test_cast_and_read_back(head):
     """Every landmark, cast along z onto the head, lands on itself: nothing hides another."""
     points = head.landmarks(head.neutral)
-    triangle, barycentric, hits = _Caster(head.neutral, head.triangles).cast(points[:, :2])
+    triangle, barycentric, hits = _Head(head.neutral, head.triangles, head.vertex_region).cast(
+        points[:, :2]
+    )
     again = SurfacePoints(triangle, barycentric).on(head.neutral, head.triangles)
     np.testing.assert_allclose(again, hits, atol=1e-4)
     off = np.linalg.norm(again - points, axis=-1)

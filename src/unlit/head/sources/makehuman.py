@@ -121,7 +121,7 @@ class _Builder:
         uv_island = np.full(len(self.base_uv), -1)
         fine_island = np.repeat(island[kept], 4)
         uv_island[quad_uv] = fine_island[:, None]
-        self.uv_of_vertex = np.zeros(self.refining.shape[0], dtype=int)
+        self.uv_of_vertex = np.zeros(quads.max() + 1, dtype=int)
         # Where vertices have several texture coordinates the skin's comes last and wins.
         order = np.argsort(fine_island != parts.SKIN, kind="stable")[::-1]
         self.uv_of_vertex[quads[order]] = quad_uv[order]
