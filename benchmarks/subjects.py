@@ -26,7 +26,7 @@ from unlit.evaluate.protocol import KnownSubject
 from unlit.evaluate.scan import Scan
 from unlit.evaluate.subject import Subject
 from unlit.evaluate.subject_mesh import read_subject
-from unlit.head.eyelids import eyeballs
+from unlit.head.contact import eyeballs
 from unlit.head.sources.library import default_model
 from unlit.perception.topology import FACE_OVAL, LEFT_EYEBROW, LIPS_OUTER, RIGHT_EYEBROW
 from unlit.scene.camera import Camera

@@ -24,7 +24,7 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
 
 from unlit.head.basis import vertex_areas
-from unlit.head.eyelids import eyeballs
+from unlit.head.contact import eyeballs
 from unlit.head.model import VERTEX_REGIONS, HeadModel
 from unlit.head.sources.makehuman import ASSET, build, inner_product_weights
 from unlit.head.sources.makehuman_learnt import (

@@ -24,10 +24,9 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from unlit.head.basis import principal_combinations
 from unlit.head.model import VERTEX_REGIONS, HeadModel
 from unlit.head.procrustes import procrustes
-from unlit.head.sources.makehuman import ASSET, KEEP, build, inner_product_weights
+from unlit.head.sources.makehuman import ASSET, build, inner_product_weights
 from unlit.head.sources.makehuman_learnt import PRIOR_FILE, shipped_landmarks
 from unlit.machine.assets import asset
 from unlit.perception.topology import MULTI_PIE_LANDMARKS
@@ -42,6 +41,8 @@ _POINTS = 3000
 _OFF, _ALONG, _COMMON_DEVIATION = 0.05, 0.5, 0.25
 _INDEPENDENT = 400
 _ITERATIONS = 6
+# Part of the variance that a basis keeps.
+_KEEP = 0.995
 # Share of the hand-set covariance that is kept: ICT's people are not all people.
 _ARTIST = 0.2
 
@@ -166,13 +167,42 @@ def learn(model: HeadModel, weights: np.ndarray, ict: Path) -> tuple[np.ndarray,
     return means.mean(axis=0), spread
 
 
+def principal_combinations(
+    axes: np.ndarray, covariance: np.ndarray, weights: np.ndarray, keep: float
+) -> np.ndarray:
+    """Principal components of the shapes that `axes` (J, V, 3) make, as rows (I, J) over the axes.
+
+    One unit along each is one standard deviation; the largest comes first.
+    covariance: (J, J) of the axes' coefficients.  weights: (V,) of the inner product.
+    keep: part of the variance to keep, in (0, 1].
+    """
+    size, directions = np.linalg.eigh(covariance)
+    half = directions * np.sqrt(np.maximum(size, 0))
+    root = axes.reshape(len(axes), -1) * np.sqrt(np.repeat(weights, 3))
+    variance, turned = np.linalg.eigh(half.T @ (root @ root.T) @ half)
+    variance, turned = variance[::-1], turned[:, ::-1]
+    kept = int(np.searchsorted(np.cumsum(variance) / variance.sum(), keep)) + 1
+    return (half @ turned[:, :kept]).T
+
+
+def unlearnt() -> tuple[HeadModel, np.ndarray, np.ndarray]:
+    """The head with the artist's shapes and hand-set deviations, from which a prior is learnt.
+
+    Also the axes (J, V, 3), float64, and the rows (I, J) that make the model's identity of them.
+    """
+    model, axes, weights = build(asset(ASSET), shipped_landmarks())
+    rows = principal_combinations(axes, np.eye(len(axes)), weights, _KEEP)
+    identity = np.tensordot(rows, axes, axes=1).astype(np.float32)
+    return replace(model, identity=identity), axes, rows
+
+
 def main(ict: Path) -> None:
     """Make the prior that is shipped."""
-    model, axes, rows = build(asset(ASSET), shipped_landmarks())
+    model, axes, rows = unlearnt()
     weights = inner_product_weights(model.neutral, model.triangles, model.vertex_region)
     mean, covariance = learn(model, weights, ict)
     covariance = (1 - _ARTIST) * covariance + _ARTIST * np.eye(len(covariance))
-    learnt = principal_combinations(axes, rows.T @ covariance @ rows, weights, KEEP)
+    learnt = principal_combinations(axes, rows.T @ covariance @ rows, weights, _KEEP)
     np.savez_compressed(
         PRIOR_FILE,
         mean=(mean @ rows).astype(np.float32),

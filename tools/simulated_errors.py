@@ -23,7 +23,7 @@ from painting import SKINS, Features, paint
 
 from unlit.color import encode_srgb
 from unlit.evaluate.subject import Subject
-from unlit.head.eyelids import eyeballs
+from unlit.head.contact import eyeballs
 from unlit.head.landmark_error import FILE, LandmarkError, terms
 from unlit.head.model import LANDMARKS, HeadModel
 from unlit.head.sources.library import default_model

@@ -143,8 +143,7 @@ def _faces(photo: Photo, job: PhotoTask) -> dict[str, str | int | DetectedFace]:
     """Where the result of each face goes, and which face it is."""
     if job.face != "all":
         return {job.name: job.face}
-    from ..perception.choose import choose
-    from ..perception.landmarks import find_faces
+    from ..perception.landmarks import choose, find_faces
 
     found = find_faces(photo.encoded8())
     choose(found, "largest", photo.source)  # raises where there is none

@@ -18,11 +18,11 @@ from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from ..errors import FaceError
-from ..head.eyelids import lids_outside_eyes
+from ..head.contact import lids_outside_eyes, seal_lips
 from ..head.landmark_error import LandmarkError, shipped_error
-from ..head.lips import opening, seal_lips
 from ..head.model import LANDMARKS, HeadModel
 from ..head.procrustes import procrustes
+from ..perception.mouth import relative_gap
 from ..perception.topology import (
     FACE_OVAL,
     LEFT_EYE,
@@ -291,7 +291,9 @@ class LandmarkProblem:
             state = self.step(state, expression, self.settings.last_deviation)
         shape = self.model.vertices(state.identity, state.expression)
         shape = lids_outside_eyes(self.model, shape)
-        if mouth_closed or opening(self.landmarks[:, :2]) < self.settings.closed:
+        middle, corners = LIP_GAP[1:6], (LIPS_INNER[0], LIPS_INNER[10])
+        gap = relative_gap(self.landmarks[:, :2], middle, corners)
+        if mouth_closed or gap < self.settings.closed:
             shape = seal_lips(self.model, shape)
         return self.posed(state, shape)
 

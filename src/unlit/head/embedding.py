@@ -140,7 +140,7 @@ class _Head:
         return colours
 
     def _picture(self, colours: np.ndarray, width: float) -> tuple[np.ndarray, Camera, np.ndarray]:
-        """sRGB picture (N, N, 3) uint8, its camera, and the vector from there to the model's frame."""
+        """sRGB picture (N, N, 3) uint8, its camera, the vector from there to the model's frame."""
         mi = mitsuba()
         half = _RESOLUTION / 2
         camera = Camera(_RESOLUTION, _RESOLUTION, _RESOLUTION * _DISTANCE / width, half, half)

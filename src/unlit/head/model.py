@@ -98,7 +98,7 @@ class HeadModel:
         values = self.content() | {"format": FORMAT, "version": FORMAT_VERSION}
         try:
             with part.open("wb") as file:  # `savez` would add a suffix to the path
-                np.savez(file, allow_pickle=False, **values)
+                np.savez(file, **values)
             part.replace(path)
         finally:
             part.unlink(missing_ok=True)

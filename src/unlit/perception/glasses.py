@@ -10,8 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from .contours import feather, filled
-from .measures import dark_lines, disk, face_size, log_luminance, upwards
+from .measures import dark_lines, disk, face_size, feather, filled, log_luminance, upwards
 from .topology import BRIDGE_LINES, LEFT_EYE, LEFT_EYEBROW, RIGHT_EYE, RIGHT_EYEBROW
 
 # Depths of dark lines in log-luminance. Measured across the bridge: 2.6 with glasses, up to 0.3

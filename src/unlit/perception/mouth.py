@@ -12,8 +12,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from .contours import filled
-from .measures import colours, disk, face_size, smoothstep
+from .measures import colours, disk, face_size, filled, smoothstep
 from .topology import LIP_GAP, LIPS_INNER, LIPS_OUTER
 
 # Mean gap over the mouth's width. Closed lips measured up to 0.016; wide open needs no such pixels.

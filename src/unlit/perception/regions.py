@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import FaceError
-from .contours import coverage, feather, smooth_contour
 from .glasses import glasses_frames
-from .measures import face_size, smoothstep
+from .measures import coverage, face_size, feather, smooth_contour, smoothstep
 from .mouth import mouth_opening, relative_gap
 from .skin import visible_face
 from .topology import (

@@ -13,8 +13,17 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from .contours import coverage, smooth_contour
-from .measures import colours, dark_lines, disk, face_size, log_luminance, smoothstep, upwards
+from .measures import (
+    colours,
+    coverage,
+    dark_lines,
+    disk,
+    face_size,
+    log_luminance,
+    smooth_contour,
+    smoothstep,
+    upwards,
+)
 from .topology import (
     CHIN,
     FACE_OVAL,

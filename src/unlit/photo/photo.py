@@ -354,11 +354,8 @@ def focal_from_exif(exif: Image.Exif, width: int, height: int) -> float | None:
     taken: it has been cropped, by how much nobody knows.
     """
     tags, base = exif.get_ifd(ExifTags.IFD.Exif), ExifTags.Base
-    long_side, short_side, diagonal = (
-        max(width, height),
-        min(width, height),
-        math.hypot(width, height),
-    )
+    short_side, long_side = sorted((width, height))
+    diagonal = math.hypot(width, height)
     # An editor that reduces a picture may update one of the two entries; the larger is older.
     taken_short, taken_long = max(
         sorted((_number(tags, base.ExifImageWidth), _number(tags, base.ExifImageHeight))),

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..face.photo import FacePhoto
-from ..perception.choose import choose
-from ..perception.landmarks import DetectedFace, find_faces
+from ..perception.landmarks import DetectedFace, choose, find_faces
 from ..perception.mask import painted
 from ..perception.regions import segment
 from ..photo.crop import Crop, face_crop

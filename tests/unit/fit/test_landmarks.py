@@ -8,10 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from unlit.errors import FaceError
 from unlit.fit.landmarks import LandmarkProblem, State
+from unlit.head.contact import LOWER_RIM, UPPER_RIM
 from unlit.head.landmark_error import NO_ERROR, shipped_error
-from unlit.head.lips import LOWER_RIM, UPPER_RIM, opening
 from unlit.head.sources.makehuman_learnt import shipped_prior
-from unlit.perception.topology import LEFT_LID_GAP, RIGHT_LID_GAP
+from unlit.perception.mouth import relative_gap
+from unlit.perception.topology import LEFT_LID_GAP, LIP_GAP, LIPS_INNER, RIGHT_LID_GAP
 from unlit.scene.camera import Camera
 from unlit.settings.fit import LandmarkFit
 
@@ -136,7 +137,8 @@ def test_closed_lips_are_closed(head):
     closed, _ = seen(head, np.eye(3), np.array([0, 0, -50.0]))
     for upper, lower in zip(UPPER_RIM[1:-1], LOWER_RIM[1:-1], strict=True):
         closed[[upper, lower], 1] += (-0.8, 0.8)
-    assert opening(closed[:, :2]) < SETTINGS.closed
+    corners = LIPS_INNER[0], LIPS_INNER[10]
+    assert 0 < relative_gap(closed[:, :2], LIP_GAP, corners) < SETTINGS.closed
     fit = exact(head, closed)
     rims = head.landmarks(fit.vertices)[[UPPER_RIM, LOWER_RIM]]
     assert (rims[0, 1:-1, 1] - rims[1, 1:-1, 1]).max() < 0.01

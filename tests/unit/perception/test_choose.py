@@ -5,8 +5,7 @@ import pytest
 
 from unlit.cli import main
 from unlit.errors import FaceError
-from unlit.perception.choose import choose
-from unlit.perception.landmarks import DetectedFace
+from unlit.perception.landmarks import DetectedFace, choose
 
 
 def face(left: float, size: float) -> DetectedFace:

@@ -12,8 +12,8 @@ from skimage import data
 
 from unlit.color import decode_srgb
 from unlit.errors import FaceError
-from unlit.perception.contours import coverage, smooth_contour
 from unlit.perception.landmarks import find_faces
+from unlit.perception.measures import coverage, smooth_contour
 from unlit.perception.regions import Regions, segment
 from unlit.perception.topology import FACE_OVAL, LEFT_EYE, LIPS_INNER, LIPS_OUTER, RIGHT_EYE
 from unlit.perception.views import Pyramid, Square

@@ -7,7 +7,7 @@ from learn_displacement import Registration
 from learn_prior import Surface
 from scipy.spatial import KDTree
 
-from unlit.head.eyelids import eyeballs
+from unlit.head.contact import eyeballs
 from unlit.head.model import HeadModel
 from unlit.head.sources.makehuman_learnt import shipped_displacement
 from unlit.scene.normals import vertex_normals

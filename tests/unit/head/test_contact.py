@@ -1,9 +1,9 @@
-"""Eyelids slide on the eyeballs, whatever the model's straight paths do."""
+"""Eyelids slide on the eyeballs, whatever the model's straight paths do; lips are sealed."""
 
 import numpy as np
 import pytest
 
-from unlit.head.eyelids import eyeballs, lids_outside_eyes
+from unlit.head.contact import eyeballs, lids_outside_eyes, seal_lips
 from unlit.head.model import HeadModel
 
 
@@ -23,3 +23,15 @@ def test_lids_slide_on_the_eyeball(head: HeadModel, amount: float) -> None:
     assert 0 < before.max() < 0.6
     rest = head.landmarks(lids_outside_eyes(head, head.neutral)) - head.landmarks(head.neutral)
     assert np.linalg.norm(rest, axis=-1).max() < 0.1
+
+
+def test_seal_moves_only_the_mouth(head: HeadModel) -> None:
+    """Sealing leaves nose, chin and eyes where they are."""
+    expression = np.zeros(len(head.expression))
+    expression[head.expression_names.index("jawOpen")] = 0.1
+    shape = head.vertices(np.zeros(len(head.identity)), expression)
+    sealed = seal_lips(head, shape)
+    before, after = head.landmarks(shape), head.landmarks(sealed)
+    assert before[13, 1] - before[14, 1] > 0.1
+    assert after[13, 1] - after[14, 1] < 0.01
+    np.testing.assert_array_equal(before[[4, 152, 159, 468]], after[[4, 152, 159, 468]])
