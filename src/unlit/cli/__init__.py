@@ -18,34 +18,10 @@ from types import FrameType
 from typing import Any
 
 from ..errors import SettingsError, UnlitError
-from . import (
-    batch,
-    demo,
-    doctor,
-    evaluate,
-    export,
-    models,
-    montage,
-    reconstruct,
-    relight,
-    report,
-    view,
-)
+from . import batch, demo, doctor, evaluate, export, models, reconstruct, relight, show
 
 #: In the order of the help.
-COMMANDS = (
-    reconstruct,
-    batch,
-    demo,
-    evaluate,
-    montage,
-    report,
-    view,
-    relight,
-    export,
-    models,
-    doctor,
-)
+COMMANDS = (reconstruct, batch, demo, evaluate, show, relight, export, models, doctor)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

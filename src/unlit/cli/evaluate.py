@@ -8,7 +8,7 @@ from typing import Any
 
 from ..errors import SettingsError
 from . import models
-from .parser import command
+from .parser import command, refuse_unused, whole_number
 from .settings import add_settings, settings_of
 
 
@@ -39,13 +39,14 @@ def add(commands: Any) -> None:
         metavar="LIST",
         help="of flash, uniform, side, and .hdr or .exr files (flash,uniform)",
     )
+    samples, seed = whole_number(1, 65536), whole_number(0, 999_999)
     parser.add_argument(
-        "--samples", type=_samples, metavar="N", help="of the path tracer, per pixel (256)"
+        "--samples", type=samples, metavar="N", help="of the path tracer, per pixel (256)"
     )
     parser.add_argument(
         "--true-mesh", action="store_true", help="give the reconstruction the subject's own mesh"
     )
-    parser.add_argument("--seed", type=_seed, metavar="N", help="of the path tracer's samples (0)")
+    parser.add_argument("--seed", type=seed, metavar="N", help="of the path tracer's samples (0)")
     add_settings(parser, "paper")
 
 
@@ -59,7 +60,13 @@ def run(options: argparse.Namespace) -> int:
     inputs, folder = [Path(name) for name in options.inputs], Path(options.output)
     if not options.same_person and len(inputs) != 1:
         raise SettingsError("evaluate one subject at a time, or photos with --same-person")
-    _refuse_unused(options)
+    of_protocol = ("lights", "samples", "seed", "true_mesh")
+    if options.same_person:
+        refuse_unused(options, of_protocol, "--same-person")
+    elif options.check:
+        refuse_unused(options, (*of_protocol, "face", "model"), "--check")
+    else:
+        refuse_unused(options, ("face",), "a subject")
     # LPIPS compares relit pictures, which only the whole protocol makes.
     whole = not (options.same_person or options.check)
     models.fetch("reconstruct", *(["evaluate"] if whole else []))
@@ -83,35 +90,3 @@ def run(options: argparse.Namespace) -> int:
     print(path.read_text())
     print(path)
     return 0
-
-
-def _refuse_unused(options: argparse.Namespace) -> None:
-    """Raise SettingsError for an option that the asked kind of evaluation has no use for."""
-    of_protocol = {
-        "--lights": options.lights is not None,
-        "--samples": options.samples is not None,
-        "--seed": options.seed is not None,
-        "--true-mesh": options.true_mesh,
-    }
-    of_photos = {"--face": options.face != "only"}
-    if options.same_person:
-        kind, unused = "--same-person", of_protocol
-    elif options.check:
-        kind, unused = "--check", of_protocol | of_photos | {"--model": options.model is not None}
-    else:
-        kind, unused = "a subject", of_photos
-    for name, given in unused.items():
-        if given:
-            raise SettingsError(f"{name} has no use with {kind}; leave it out")
-
-
-def _samples(text: str) -> int:
-    if text.isdecimal() and 1 <= int(text) <= 65536:
-        return int(text)
-    raise argparse.ArgumentTypeError(f"{text!r}: write a number from 1 to 65536")
-
-
-def _seed(text: str) -> int:
-    if text.isdecimal() and int(text) < 1_000_000:
-        return int(text)
-    raise argparse.ArgumentTypeError(f"{text!r}: write a number from 0 to 999999")

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Callable, Iterable
 from typing import Any
+
+from ..errors import SettingsError
+
+#: What options are that were not given, where that is neither None nor False.
+_UNSAID = {"preset": "paper", "face": "only"}
 
 
 def command(
@@ -24,3 +30,23 @@ def command(
     parser._negative_number_matcher = re.compile(r"-\.?\d")
     parser.set_defaults(run=run, again=", run it again")
     return parser
+
+
+def whole_number(low: int, high: int) -> Callable[[str], int]:
+    """The type of an argument that is a number from `low` to `high`, written in digits."""
+
+    def read(text: str) -> int:
+        if text.isdecimal() and low <= int(text) <= high:
+            return int(text)
+        raise argparse.ArgumentTypeError(f"{text!r}: write a number from {low} to {high}")
+
+    return read
+
+
+def refuse_unused(options: argparse.Namespace, names: Iterable[str], kind: str) -> None:
+    """Raise SettingsError where one of the options `names`, of no use with `kind`, was given."""
+    for name in names:
+        value = getattr(options, name)
+        if value is not False and value != _UNSAID.get(name):  # a number may be 0, which is given
+            spelt = "PHOTO" if name == "photo" else f"--{name.replace('_', '-')}"
+            raise SettingsError(f"{spelt} has no use with {kind}; leave it out")

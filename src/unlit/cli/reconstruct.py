@@ -10,13 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import OutputError, SettingsError
 from . import models
-from .parser import command
+from .parser import command, refuse_unused
 from .settings import add_settings, settings_of
 
 if TYPE_CHECKING:
     from ..progress.console import RunConsole
     from ..progress.log import Log
     from ..settings.settings import Settings
+
+#: Options of a reconstruction from the start.
+_FRESH = (
+    *("photo", "mask", "model", "preset", "resolution", "memory", "light_color", "cast_shadows"),
+    *("config", "face"),
+)
 
 
 def add(commands: Any) -> None:
@@ -161,21 +167,7 @@ def _check_finished(folder: Path, photo: Any, settings: Any) -> None:
 
 def _continue(options: argparse.Namespace) -> int:
     """Run some stages again on a saved result."""
-    unused = {
-        "PHOTO": options.photo is not None,
-        "--mask": options.mask is not None,
-        "--model": options.model is not None,
-        "--preset": options.preset != "paper",
-        "--resolution": options.resolution is not None,
-        "--memory": options.memory is not None,
-        "--light-color": options.light_color is not None,
-        "--cast-shadows": options.cast_shadows is not None,
-        "--config": options.config is not None,
-        "--face": options.face != "only",
-    }
-    for name, given in unused.items():
-        if given:
-            raise SettingsError(f"{name} has no use with --from-stage; leave it out")
+    refuse_unused(options, _FRESH, "--from-stage")
     named = options.resume if isinstance(options.resume, str) else options.output
     if named is None:
         raise SettingsError("--from-stage: name the folder of the result, as --resume DIR")

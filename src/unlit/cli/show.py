@@ -1,0 +1,84 @@
+"""`unlit montage`, `report` and `view`: what shows a saved result."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from .parser import command, whole_number
+
+
+def add(commands: Any) -> None:
+    """The sub-parsers of these commands."""
+    montage = command(
+        commands,
+        "montage",
+        run_montage,
+        "draw a result's overview picture anew",
+        "Draw DIR/montage.png of a saved result anew and print its path: photo, render, error, "
+        "maps, light, mesh, and the face under three new lights.",
+        "  unlit montage portrait",
+    )
+    report = command(
+        commands,
+        "report",
+        run_report,
+        "write a result's report anew: one page with all maps and a viewer",
+        "Write DIR/report.html of a saved result anew and print its path. The page needs no "
+        "network and no other file: photo, maps, stages, losses, settings, and the head in three "
+        "dimensions under lights that you choose.",
+        "  unlit report portrait",
+    )
+    view = command(
+        commands,
+        "view",
+        run_view,
+        "look at a result in the browser",
+        "Serve DIR/report.html and the result's other files to this machine only, print the "
+        "address and open the browser; Ctrl-C ends it. The report is written first if there is "
+        "none. Without a server: open DIR/report.html from disk.",
+        "  unlit view portrait\n  unlit view portrait --no-browser --port 8000",
+    )
+    for parser in (montage, report, view):
+        parser.add_argument("folder", metavar="DIR", help="a folder that `unlit reconstruct` wrote")
+    view.add_argument("--no-browser", action="store_true", help="only print the address")
+    port = whole_number(0, 65535)
+    view.add_argument(
+        "--port", type=port, default=0, metavar="N", help="to listen on (a random free one)"
+    )
+
+
+def run_montage(options: argparse.Namespace) -> int:
+    from ..output import load, montage_png, write_one
+
+    path = Path(options.folder) / "montage.png"
+    write_one(path, montage_png(load(options.folder)))
+    print(path)
+    return 0
+
+
+def run_report(options: argparse.Namespace) -> int:
+    from ..report.page import write_report
+
+    print(write_report(options.folder))
+    return 0
+
+
+def run_view(options: argparse.Namespace) -> int:
+    import contextlib
+    import webbrowser
+
+    from ..report.page import REPORT, write_report
+    from ..report.server import ReportServer
+
+    folder = Path(options.folder)
+    if not (folder / REPORT).is_file():
+        write_report(folder)
+    with ReportServer(folder, options.port) as server:
+        print(server.address, flush=True)
+        if not options.no_browser:
+            webbrowser.open(server.address)
+        with contextlib.suppress(KeyboardInterrupt):
+            server.serve_forever()
+    return 0
