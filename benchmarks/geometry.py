@@ -39,12 +39,11 @@ from threadpoolctl import threadpool_limits
 
 from unlit.color import encode_srgb
 from unlit.evaluate.command import light
-from unlit.evaluate.metrics import best_gain
-from unlit.evaluate.protocol import KnownSubject, NamedLight, Shot, Study
-from unlit.evaluate.psnr import psnr
+from unlit.evaluate.metrics import best_gain, psnr
+from unlit.evaluate.protocol import NamedLight, Shot, Study
 from unlit.evaluate.step_cache import StepCache
-from unlit.evaluate.subject import visible_surface
 from unlit.evaluate.table import Table, markdown
+from unlit.evaluate.truth import KnownSubject, visible_surface
 from unlit.face.conditions import Conditions
 from unlit.face.face import PosedMesh
 from unlit.face.head import FittedHead

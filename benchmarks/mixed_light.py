@@ -24,10 +24,9 @@ from subjects import SHARED, standard
 
 import unlit
 from unlit.evaluate.command import light
-from unlit.evaluate.metrics import angle, best_gain
-from unlit.evaluate.protocol import KnownSubject
-from unlit.evaluate.psnr import psnr
+from unlit.evaluate.metrics import angle, best_gain, psnr
 from unlit.evaluate.table import Table, markdown
+from unlit.evaluate.truth import KnownSubject
 from unlit.face.conditions import Conditions
 from unlit.face.head import FittedHead
 from unlit.face.photo import FacePhoto

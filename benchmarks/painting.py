@@ -1,14 +1,17 @@
-"""Painted faces: reflectance of known truth for heads that have a shape only."""
+"""Painted faces: reflectance of known truth for heads that have a shape only, photographed."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import cv2
 import numpy as np
 from scipy import ndimage
 
+from unlit.evaluate.truth import Truth, visible_surface
+from unlit.render.reference import path_trace
 from unlit.scene.camera import Camera
 from unlit.scene.maps import Maps
 from unlit.scene.mesh import Mesh
@@ -20,6 +23,41 @@ SKINS = {
     "medium": (0.36, 0.21, 0.145),
     "dark": (0.115, 0.065, 0.045),
 }
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A head with known truth, seen by a camera.
+
+    vertices (V, 3) world, cm; triangles (F, 3). maps: true reflectance in the camera's pixels.
+    mask: (H, W) bool, face pixels on which results are compared.
+    """
+
+    name: str
+    vertices: np.ndarray
+    triangles: np.ndarray
+    camera: Camera
+    maps: Maps
+    mask: np.ndarray
+
+    def photograph(self, environment: np.ndarray, samples: int = 256, seed: int = 0) -> np.ndarray:
+        """Path-traced image (H, W, 3), linear, with three inter-reflections of the face."""
+        mesh = Mesh(self.vertices, self.triangles)
+        return path_trace(
+            mesh, self.camera, self.maps, environment, samples=samples, bounces=3, seed=seed
+        )
+
+    def mesh(self) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices and triangles."""
+        return self.vertices, self.triangles
+
+    @cached_property
+    def truth(self) -> Truth:
+        """What the camera sees; `seen` is the face's mask."""
+        position, normal = visible_surface(self.vertices, self.triangles, self.camera)
+        bent = normal + self.maps.perturbation * (normal != 0).any(axis=-1, keepdims=True)
+        bent /= np.maximum(np.linalg.norm(bent, axis=-1, keepdims=True), 1e-6)
+        return Truth(self.maps.diffuse_albedo, self.maps.specular_albedo, bent, position, self.mask)
 
 
 @dataclass(frozen=True)

@@ -22,9 +22,9 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 # isort: split
 import drjit as dr
 
-from unlit.evaluate.metrics import best_gain, compare
-from unlit.evaluate.protocol import KnownSubject, Shot, ShotResult
-from unlit.evaluate.psnr import psnr
+from unlit.evaluate.metrics import best_gain, compare, psnr
+from unlit.evaluate.protocol import Shot, ShotResult
+from unlit.evaluate.truth import KnownSubject
 from unlit.face.reconstruction import Reconstruction
 from unlit.machine.runtime import mitsuba
 from unlit.optimize.losses import encode

@@ -33,7 +33,7 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 
 # isort: split
 from unlit.evaluate.command import LIGHTS, light
-from unlit.evaluate.metrics import check_packages
+from unlit.evaluate.metrics import flip_package
 from unlit.evaluate.protocol import ShotResult, Study
 from unlit.evaluate.step_cache import StepCache
 from unlit.evaluate.table import Table, markdown
@@ -104,7 +104,7 @@ def main() -> int:
     parser.add_argument("--steps", type=Path, help="folder of finished steps")
     parser.add_argument("-o", "--output", type=Path, help="write the Markdown table here, too")
     options = parser.parse_args()
-    check_packages()
+    flip_package()
     settings = PRESETS["draft" if options.quick else options.preset]
     lights = ["flash", "side"] if options.quick else options.lights.split(",")
     if unknown := set(lights) - set(LIGHTS):

@@ -26,7 +26,7 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 
 # isort: split
 from unlit.evaluate.command import light
-from unlit.evaluate.metrics import check_packages
+from unlit.evaluate.metrics import flip_package
 from unlit.evaluate.protocol import Shot, ShotResult, Study
 from unlit.evaluate.step_cache import StepCache
 from unlit.evaluate.table import Table, markdown
@@ -79,7 +79,7 @@ def main() -> None:
     parser.add_argument("--steps", type=Path, help="folder of finished steps")
     parser.add_argument("-o", "--output", type=Path, help="write the Markdown table here, too")
     options = parser.parse_args()
-    check_packages()
+    flip_package()
     if not (SHARED / "data").is_dir():
         parser.error(f"{SHARED}: the licensed test data are not there")
     with tempfile.TemporaryDirectory() as temporary:

@@ -16,16 +16,15 @@ from typing import Any
 import cv2
 import numpy as np
 from common import DISTANCE, WIDTH
-from painting import Features, paint
+from painting import Features, Subject, paint
 from scipy.spatial.transform import Rotation
 
 import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is loaded
 
 # isort: split
-from unlit.evaluate.protocol import KnownSubject
 from unlit.evaluate.scan import Scan
-from unlit.evaluate.subject import Subject
 from unlit.evaluate.subject_mesh import read_subject
+from unlit.evaluate.truth import KnownSubject
 from unlit.head.contact import eyeballs
 from unlit.head.sources.library import default_model
 from unlit.perception.topology import FACE_OVAL, LEFT_EYEBROW, LIPS_OUTER, RIGHT_EYEBROW

@@ -10,10 +10,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from painting import Features, paint
+from painting import Features, Subject, paint
 from scipy.spatial.transform import Rotation
 
-from unlit.evaluate.subject import Subject
 from unlit.scene.camera import Camera
 
 # Vertex ranges: everything up to the teeth is opaque head; then two eyeballs; then see-through

@@ -19,10 +19,9 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
-from painting import SKINS, Features, paint
+from painting import SKINS, Features, Subject, paint
 
 from unlit.color import encode_srgb
-from unlit.evaluate.subject import Subject
 from unlit.head.contact import eyeballs
 from unlit.head.landmark_error import FILE, LandmarkError, terms
 from unlit.head.model import LANDMARKS, HeadModel

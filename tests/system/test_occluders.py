@@ -12,8 +12,7 @@ import pytest
 from scipy import ndimage
 
 import unlit
-from unlit.evaluate.metrics import best_gain
-from unlit.evaluate.psnr import psnr
+from unlit.evaluate.metrics import best_gain, psnr
 from unlit.face.head import FittedHead
 from unlit.face.photo import FacePhoto
 from unlit.face.reconstruction import Reconstruction

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import unlit
-from unlit.evaluate.metrics import best_gain
-from unlit.evaluate.psnr import psnr
+from unlit.evaluate.metrics import best_gain, psnr
 
 
 @pytest.mark.parametrize(

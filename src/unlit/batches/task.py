@@ -158,7 +158,7 @@ def _result(
     folder: Path,
 ) -> BatchRow:
     """Reconstruct one face of `photo` and save it to `folder`; a row without names."""
-    from ..evaluate.psnr import psnr
+    from ..evaluate.metrics import psnr
     from ..output import save
     from ..pipeline.chain import reconstruct
 

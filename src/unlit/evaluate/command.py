@@ -5,11 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from ..errors import FaceError, SettingsError, SubjectError
 from ..face.reconstruction import Reconstruction
@@ -20,12 +19,12 @@ from ..output.images import png
 from ..photo.photo import Photo, read_photo
 from ..pipeline.chain import reconstruct
 from ..pipeline.identity import identity_of, photo_content
-from ..progress.callbacks import StageProgress
+from ..progress.console import StudyConsole
 from ..relighting.lights import LIGHTS, environment_map
 from ..settings.settings import Settings, as_dict
 from ..storage.keys import key
 from .figure import check_sheet, result_sheet
-from .metrics import check_packages
+from .metrics import flip_package
 from .persons import consistency
 from .protocol import NamedLight, ShotResult, Study
 from .step_cache import StepCache
@@ -47,19 +46,7 @@ def light(name: str) -> NamedLight:
     return NamedLight(name if name in LIGHTS else Path(name).stem, environment_map(name))
 
 
-class StudyWatch(Protocol):
-    """Told of what is being done; both are entered with its name while it lasts."""
-
-    def busy(self, name: str) -> AbstractContextManager[object]:
-        """A step without a progress of its own."""
-        ...
-
-    def running(self, name: str) -> AbstractContextManager[StageProgress]:
-        """A reconstruction; what is entered is told of its progress."""
-        ...
-
-
-def run_check(file: Path, folder: Path, settings: Settings, watch: StudyWatch) -> Path:
+def run_check(file: Path, folder: Path, settings: Settings, watch: StudyConsole) -> Path:
     """Render the subject under three lights; returns the picture's path."""
     plan = EvaluationPlan(("flash", "uniform", "side"), samples=64)
     study = _study(file, folder, settings, plan, watch)
@@ -82,10 +69,10 @@ class EvaluationPlan:
 
 
 def run_subject(
-    file: Path, folder: Path, settings: Settings, plan: EvaluationPlan, watch: StudyWatch
+    file: Path, folder: Path, settings: Settings, plan: EvaluationPlan, watch: StudyConsole
 ) -> Path:
     """The whole protocol; returns the path of the Markdown tables."""
-    check_packages()
+    flip_package()  # tells now rather than after minutes of work
     if plan.ablation and not set(plan.lights) & set(_ABLATION):
         raise SettingsError(f"an ablation needs {' or '.join(_ABLATION)} among the lights")
     study = _study(file, folder, settings, plan, watch)
@@ -114,7 +101,7 @@ def run_subject(
 
 
 def run_persons(
-    paths: Sequence[Path], folder: Path, settings: Settings, face: str | int, watch: StudyWatch
+    paths: Sequence[Path], folder: Path, settings: Settings, face: str | int, watch: StudyConsole
 ) -> Path:
     """One person on several photos; returns the path of the Markdown table."""
     if len(paths) < 2:
@@ -144,7 +131,7 @@ def _person(
     store: StepCache,
     settings: Settings,
     face: str | int,
-    watch: StudyWatch,
+    watch: StudyConsole,
 ) -> Reconstruction:
     name = Path(photo.source)
     made = identity_of(name.name, photo_content(photo), settings, model_key(model), face)
@@ -157,11 +144,7 @@ def _person(
 
 
 def _study(
-    file: Path,
-    folder: Path,
-    settings: Settings,
-    plan: EvaluationPlan,
-    watch: StudyWatch,
+    file: Path, folder: Path, settings: Settings, plan: EvaluationPlan, watch: StudyConsole
 ) -> Study:
     known = tuple(light(name) for name in plan.lights)
     names = [found.name for found in known]
@@ -173,17 +156,8 @@ def _study(
         content = key(settings.resolution, *map(_digest, files))
         subject = read_subject(file, settings.resolution)
     store = StepCache(folder / _CACHE, watch.busy)
-    return Study(
-        subject,
-        content,
-        known,
-        settings,
-        store,
-        plan.samples,
-        plan.seed,
-        plan.true_mesh,
-        watch.running,
-    )
+    how = (plan.samples, plan.seed, plan.true_mesh, watch.running)
+    return Study(subject, content, known, settings, store, *how)
 
 
 def _digest(path: Path) -> str:

@@ -7,7 +7,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ..color import encode_srgb
 from ..output.images import bytes_of, encoded, normals
-from .protocol import KnownSubject, Shot, ShotResult
+from .protocol import Shot, ShotResult
+from .truth import KnownSubject
 
 _TILE = 256
 _CAPTION = 22

@@ -11,7 +11,20 @@ from scipy.spatial.transform import Rotation
 from ..color import encode_srgb
 from ..errors import MachineError
 from .lpips import lpips
-from .psnr import psnr, psnr_linear
+
+
+def psnr(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
+    """Peak signal-to-noise ratio, dB, of sRGB-encoded values clipped to [0, 1], inside `mask`.
+
+    image, truth: (H, W, 3) linear; mask: (H, W) bool.
+    """
+    return psnr_linear(encode_srgb(image), encode_srgb(truth), mask)
+
+
+def psnr_linear(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
+    """The same of the values as they are, clipped to [0, 1]."""
+    a, b = (np.clip(x[mask], 0, 1).astype(np.float64) for x in (image, truth))
+    return float(-10 * np.log10(max(np.mean((a - b) ** 2), 1e-12)))
 
 
 def best_gain(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
@@ -50,11 +63,12 @@ def flip(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
 
     At the default of 67 pixels a degree. Raises MachineError where its package is missing.
     """
-    local, _, _ = _flip_package().evaluate(truth, image, "LDR", applyMagma=False)
+    local, _, _ = flip_package().evaluate(truth, image, "LDR", applyMagma=False)
     return float(np.asarray(local)[..., 0][mask].mean())
 
 
-def _flip_package() -> Any:
+def flip_package() -> Any:
+    """What measures FLIP. Raises MachineError where it is missing."""
     try:
         import flip_evaluator
     except ImportError as error:
@@ -62,11 +76,6 @@ def _flip_package() -> Any:
             "the package flip-evaluator is missing: pip install 'unlit[evaluate]'"
         ) from error
     return flip_evaluator
-
-
-def check_packages() -> None:
-    """Raise MachineError now rather than after minutes of work."""
-    _flip_package()
 
 
 def compare(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
@@ -109,10 +118,10 @@ def surface_distance(
     closest points with the distance to the tangent plane (Chen and Medioni 1992), the farthest
     tenth left out of the alignment. Returns mean, median, and 95th percentile of all points.
     """
-    tree = KDTree(truth)
+    tree: Any = KDTree(truth)
     moved = points.astype(np.float64)
     for _ in range(rounds):
-        distance, near = _nearest(tree, moved)
+        distance, near = tree.query(moved)
         kept = distance <= np.percentile(distance, 90)
         x, n = moved[kept], normals[near[kept]]
         centre = x.mean(axis=0)
@@ -129,8 +138,3 @@ def surface_distance(
         "median": float(np.median(gap)),
         "p95": float(np.percentile(gap, 95)),
     }
-
-
-def _nearest(tree: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    distance, index = tree.query(points)
-    return np.asarray(distance), np.asarray(index)

@@ -16,7 +16,7 @@ from scipy import ndimage
 from ..color import encode_srgb
 from ..errors import FaceError
 from ..face.reconstruction import Reconstruction
-from .subject import visible_surface
+from .truth import visible_surface
 
 #: Barycentric coordinates of the points taken on every triangle.
 _POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from ..color import encode_srgb
 from ..errors import SubjectError
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
@@ -23,6 +22,7 @@ from ..face.reconstruction import Reconstruction
 from ..head.model import HeadModel
 from ..head.sources.library import head_model, model_key
 from ..optimize.run_record import RunRecord
+from ..output.images import encoded
 from ..photo.photo import Photo
 from ..pipeline.chain import fitting, run_chain, steps_of
 from ..pipeline.identity import identity_of
@@ -30,11 +30,9 @@ from ..progress.callbacks import StageProgress, silent
 from ..render.relighter import path_traced
 from ..settings.settings import Settings
 from ..storage.keys import RENDERING, code, key
-from .metrics import angle, best_gain, compare, surface_distance
-from .psnr import psnr
-from .scan import Scan
+from .metrics import angle, best_gain, compare, psnr, surface_distance
 from .step_cache import StepCache
-from .subject import Subject, visible_surface
+from .truth import KnownSubject, visible_surface
 
 _EXPOSURE = 0.8
 #: Which face of the photograph.
@@ -42,20 +40,10 @@ _FACE = "largest"
 #: Points of each surface that take part in the distance of meshes.
 _POINTS = 20_000
 #: The code that decides the errors of the maps, and the metrics of a picture.
-_MAPS = (
-    "evaluate/metrics.py",
-    "evaluate/protocol.py",
-    "evaluate/subject.py",
-    "evaluate/psnr.py",
-    "scene",
-)
-_METRICS = ("evaluate/metrics.py", "evaluate/lpips.py", "evaluate/psnr.py")
+_MAPS = ("evaluate/metrics.py", "evaluate/protocol.py", "evaluate/truth.py", "scene")
+_METRICS = ("evaluate/metrics.py", "evaluate/lpips.py")
 #: The subject's seed is 2 k, the reconstruction's 2 k + 1: their noise must not agree.
 _RELIT = 1
-
-
-#: Whose truth is known: each has a name, camera, truth, mesh() and photograph().
-KnownSubject = Scan | Subject
 
 #: Entered with a reconstruction's name, gives what is told of its progress.
 ReconstructionWatch = Callable[[str], AbstractContextManager[StageProgress]]
@@ -79,6 +67,11 @@ class Shot:
 
     light: NamedLight
     image: np.ndarray
+
+    @property
+    def photo(self) -> np.ndarray:
+        """(H, W, 3) uint8 sRGB, as a camera would store it."""
+        return encoded(self.image)
 
 
 @dataclass(frozen=True)
@@ -192,7 +185,7 @@ class Study:
         settings = settings or self.settings
         name, content = self._step(shot, settings, variant)
         return self.store.reconstruction(
-            name, content, lambda: self._reconstruct(name, _photo(shot), settings)
+            name, content, lambda: self._reconstruct(name, shot.photo, settings)
         )
 
     def _step(self, shot: Shot, settings: Settings, variant: str) -> tuple[str, str]:
@@ -202,7 +195,7 @@ class Study:
         seen = [camera.width, camera.height, camera.focal, camera.cx, camera.cy]
         head = key("mesh", self.content) if self.true_mesh else model_key(self._head)
         name = f"true-mesh-{name}" if self.true_mesh else name
-        return name, identity_of(name, key(_photo(shot), seen), settings, head, _FACE).key
+        return name, identity_of(name, key(shot.photo, seen), settings, head, _FACE).key
 
     def _relit(
         self, step: tuple[str, str], face: Reconstruction, mask: np.ndarray, shot: Shot
@@ -212,7 +205,7 @@ class Study:
         image = self.store.picture(
             f"{step[0]}-relit-{light.name}",
             picture,
-            lambda: self._relight(face, light.environment),
+            lambda: path_traced(face.face, light.environment, self.samples, 2 * self.seed + _RELIT),
         )
         metrics = self.store.values(
             f"{step[0]}-metrics-{light.name}",
@@ -230,14 +223,6 @@ class Study:
 
     def _true_head(self, seen: FacePhoto, _: Settings) -> FittedHead:
         return FittedHead.of_mesh(*self.subject.mesh(), seen.landmarks)
-
-    def _relight(self, face: Reconstruction, environment: np.ndarray) -> np.ndarray:
-        return path_traced(face.face, environment, self.samples, 2 * self.seed + _RELIT)
-
-
-def _photo(shot: Shot) -> np.ndarray:
-    """(H, W, 3) uint8 sRGB, as a camera would store it."""
-    return np.rint(255 * np.clip(encode_srgb(shot.image), 0, 1)).astype(np.uint8)
 
 
 def map_errors(face: Reconstruction, subject: KnownSubject, mask: np.ndarray) -> dict[str, Any]:

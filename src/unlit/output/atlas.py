@@ -36,7 +36,7 @@ from ..machine.runtime import mitsuba
 from ..scene.arrays import where
 from ..scene.mesh import Mesh, surface
 from .geometry import Welded, welded
-from .parts import EYES, INSIDE, SKIN, parts
+from .parts import EYES, INSIDE, SKIN, components, parts
 
 mi = mitsuba()
 
@@ -46,6 +46,7 @@ _GRAZING_COSINE = 0.34
 _CHUNK = 1 << 20  # texels at a time: bounds memory
 _EYE, _LIP = 2, 1  # channels of Reconstruction.regions
 _RIM = 0.02  # of the atlas's side
+_DECAY = 0.6  # of what is continued, from one level of a pyramid to the next finer one
 _STRAIGHTEST = 0.05  # least z of a tangent-space normal
 
 # Channels while baking: log albedo (3), log specular albedo, log roughness, then the slopes x / z
@@ -129,16 +130,9 @@ def _atlas(grid: np.ndarray, levels: np.ndarray, part: np.ndarray, mesh: Welded)
         up = np.concatenate([slopes, np.ones_like(slopes[..., :1])], axis=-1)
         return up / np.linalg.norm(up, axis=-1, keepdims=True)
 
-    return Atlas(
-        np.ascontiguousarray(linear[..., :3]),
-        np.ascontiguousarray(linear[..., 3]),
-        np.ascontiguousarray(linear[..., 4]),
-        normal(grid[..., 5:7]),
-        normal(grid[..., 7:9]),
-        levels,
-        part,
-        mesh,
-    )
+    maps = map(np.ascontiguousarray, (linear[..., :3], linear[..., 3], linear[..., 4]))
+    normals = map(normal, (grid[..., 5:7], grid[..., 7:9]))
+    return Atlas(*maps, *normals, levels, part, mesh)
 
 
 @dataclass(frozen=True)
@@ -213,29 +207,15 @@ class _Photo:
         eye, lip = region[:, _EYE] > 0.5, region[:, _LIP] > 0.5
         fits = {SKIN: ~eye, EYES: eye, INSIDE: lip}
         self.shows = np.stack([(shown == kind) & fits[kind] for kind in fits], axis=1)
-        measured = (
-            r.face.mask > 0
-            if r.conditions.visibility is None
-            else (r.face.mask > 0) & (r.conditions.visibility > 0.5)
-        )
+        measured = r.face.mask > 0
+        if r.conditions.visibility is not None:
+            measured &= r.conditions.visibility > 0.5
         self.shows &= measured.ravel()[:, None]
         maps = r.face.maps
-        positive = np.concatenate(
-            [
-                r.face.maps.diffuse_albedo,
-                r.face.maps.specular_albedo[..., None],
-                r.face.maps.roughness[..., None],
-            ],
-            axis=-1,
-        )
-        self.maps = np.concatenate(
-            [
-                np.log(np.maximum(positive, _DARKEST)),
-                r.face.maps.perturbation,
-                maps.diffuse_perturbation(),
-            ],
-            axis=-1,
-        ).reshape(pixels, -1)
+        positive = np.dstack([maps.diffuse_albedo, maps.specular_albedo, maps.roughness])
+        logs = np.log(np.maximum(positive, _DARKEST))
+        channels = np.dstack([logs, maps.perturbation, maps.diffuse_perturbation()])
+        self.maps = channels.reshape(pixels, -1)
 
     def may_show(self, mesh: Welded, texels: _Texels) -> np.ndarray:
         """(K,) bool: False where no corner of the texel's triangle is near a pixel of the face."""
@@ -280,11 +260,10 @@ class _Photo:
             found += weight * self.maps[pixel]
         found /= np.maximum(total, 1e-9)
         tangent = texels.at(mesh.tangent, mesh.triangles)
-        channels = [found[:, _LOGS]]
-        for bend in (found[:, 5:8], found[:, 8:11]):
-            channels.append(_slopes(unit + bend, normal, tangent))
+        bends = (found[:, 5:8], found[:, 8:11])
+        slopes = [_slopes(unit + bend, normal, tangent) for bend in bends]
         seen = (total[:, 0] > 1e-3) & (cosine > 0)
-        return np.concatenate(channels, axis=1), np.where(seen, cosine, 0)
+        return np.hstack([found[:, _LOGS], *slopes]), np.where(seen, cosine, 0)
 
 
 def _slopes(direction: np.ndarray, normal: np.ndarray, tangent: np.ndarray) -> np.ndarray:
@@ -316,10 +295,7 @@ def _mirror_axis(uv: np.ndarray, triangle_uv: np.ndarray) -> float | None:
 
     triangle_uv: (F, 3) of the skin.
     """
-    count = len(uv)
-    edges = triangle_uv[:, [0, 1, 1, 2]].reshape(-1, 2)
-    graph = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
-    chart = connected_components(graph, directed=False)[1]
+    chart = components(triangle_uv, len(uv))
     points = uv[chart == np.bincount(chart).argmax()]
     axis = float(points[:, 0].min() + points[:, 0].max()) / 2
     distance = KDTree(points).query(points * (-1, 1) + (2 * axis, 0))[0]
@@ -457,18 +433,18 @@ def _box(mask: np.ndarray, margin: int = 0) -> tuple[slice, slice]:
     )
 
 
-def _extended(image: np.ndarray, known: np.ndarray, decay: float = 0.6) -> np.ndarray:
-    """`image` (N, N, C) continued smoothly beyond `known` (N, N), fading with the distance.
-
-    A pyramid of averages (pull-push, Gortler et al. 1996): each unknown texel takes the next
-    coarser level's value, times `decay`.
-    """
+def _extended(image: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """`image` (N, N, C) continued smoothly beyond `known` (N, N), fading with the distance."""
     weight = known.astype(np.float32)[..., None]
-    return _pull_push(image * weight, weight, decay)
+    return _pull_push(image * weight, weight)
 
 
-def _pull_push(image: np.ndarray, weight: np.ndarray, decay: float) -> np.ndarray:
-    """image: values times weight, where weight (H, W, 1) is in [0, 1]."""
+def _pull_push(image: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """A pyramid of averages (pull-push, Gortler et al. 1996).
+
+    Each unknown texel takes the next coarser level's value, times _DECAY. image: values times
+    weight, where weight (H, W, 1) is in [0, 1].
+    """
     height, width = image.shape[:2]
     if height * width <= 1 or weight.all():
         return image / np.maximum(weight, 1e-9)
@@ -482,18 +458,15 @@ def _pull_push(image: np.ndarray, weight: np.ndarray, decay: float) -> np.ndarra
     sums = halved(weight)
     coarse_weight = np.minimum(sums, 1)
     coarse = halved(image) * (coarse_weight / np.maximum(sums, 1e-9))
-    up = _doubled(_pull_push(coarse, coarse_weight, decay))[:height, :width]
-    return image + (1 - weight) * decay * up
+    up = _doubled(_pull_push(coarse, coarse_weight))[:height, :width]
+    return image + (1 - weight) * _DECAY * up
 
 
 def _doubled(image: np.ndarray) -> np.ndarray:
     """Twice as many rows and columns, interpolated linearly between the texels' centres."""
     for axis in (0, 1):
-        first, last = (image.take([end], axis=axis) for end in (0, -1))
-        before = np.concatenate([first, image.take(range(image.shape[axis] - 1), axis)], axis=axis)
-        after = np.concatenate([image.take(range(1, image.shape[axis]), axis), last], axis=axis)
-        both = np.stack([0.75 * image + 0.25 * before, 0.75 * image + 0.25 * after], axis=axis + 1)
-        shape = list(image.shape)
-        shape[axis] *= 2
-        image = both.reshape(shape)
+        rows = np.arange(image.shape[axis])
+        near = (image.take(rows + step, axis, mode="clip") for step in (-1, 1))
+        both = np.stack([0.75 * image + 0.25 * other for other in near], axis=axis + 1)
+        image = both.reshape(*image.shape[:axis], -1, *image.shape[axis + 1 :])
     return image

@@ -46,12 +46,16 @@ def parts(vertices: np.ndarray, triangles: np.ndarray, triangle_uv: np.ndarray) 
     return part
 
 
+def components(triangles: np.ndarray, count: int) -> np.ndarray:
+    """Number of the connected component of each of `count` vertices, (V,)."""
+    edges = triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
+    graph = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
 def _connected(triangles: np.ndarray) -> np.ndarray:
     """Number of the connected component of each triangle, (F,) from 0."""
-    edges = triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
-    count = int(triangles.max()) + 1
-    graph = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
-    component = connected_components(graph, directed=False)[1]
+    component = components(triangles, int(triangles.max()) + 1)
     return np.unique(component[triangles[:, 0]], return_inverse=True)[1]
 
 
@@ -68,10 +72,8 @@ def _openness(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, 
     # Spiral points on the disc, lifted to the hemisphere, are spread by the cosine.
     squared = (np.arange(_RAYS) + 0.5) / _RAYS
     angle = np.arange(_RAYS) * np.pi * (3 - np.sqrt(5))
-    local = np.stack(
-        [np.sqrt(squared) * np.cos(angle), np.sqrt(squared) * np.sin(angle), np.sqrt(1 - squared)],
-        axis=1,
-    )
+    x, y = np.sqrt(squared) * np.cos(angle), np.sqrt(squared) * np.sin(angle)
+    local = np.stack([x, y, np.sqrt(1 - squared)], axis=1)
     start = (a + b + c) / 3 + 1e-3 * normal
 
     def rays(rows: np.ndarray, kind: Any) -> Any:

@@ -14,7 +14,7 @@ import tomli_w
 
 from ..color import is_white
 from ..conditions.illuminant import temperature
-from ..evaluate.psnr import psnr
+from ..evaluate.metrics import psnr
 from ..face.gain import peak_luminance
 from ..face.reconstruction import Reconstruction
 from ..output.atlas import Atlas, bake

@@ -6,8 +6,16 @@ import pytest
 from unlit.color import decode_srgb
 from unlit.errors import MachineError
 from unlit.evaluate import metrics
-from unlit.evaluate.metrics import angle, best_gain, compare, flip, ssim, surface_distance
-from unlit.evaluate.psnr import psnr, psnr_linear
+from unlit.evaluate.metrics import (
+    angle,
+    best_gain,
+    compare,
+    flip,
+    psnr,
+    psnr_linear,
+    ssim,
+    surface_distance,
+)
 
 RNG = np.random.default_rng(0)
 
@@ -72,7 +80,7 @@ def test_flip_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without its package: one line that says what to install."""
     monkeypatch.setitem(__import__("sys").modules, "flip_evaluator", None)
     with pytest.raises(MachineError, match=r"pip install 'unlit\[evaluate\]'"):
-        metrics.check_packages()
+        metrics.flip_package()
 
 
 def test_compare(monkeypatch: pytest.MonkeyPatch) -> None:

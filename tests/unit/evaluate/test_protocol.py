@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from painting import Subject
 
 from bumpy_head import bumpy_head, camera, painted, view
 from changed import changed
@@ -14,7 +15,6 @@ from unlit.evaluate.figure import check_sheet, result_sheet, sheet
 from unlit.evaluate.persons import consistency
 from unlit.evaluate.protocol import NamedLight, Study
 from unlit.evaluate.step_cache import StepCache
-from unlit.evaluate.subject import Subject
 from unlit.face.photo import FacePhoto
 from unlit.perception.regions import Regions
 from unlit.photo.crop import Crop

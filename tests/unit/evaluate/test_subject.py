@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from painting import SKINS, Features, paint
+from painting import SKINS, Features, Subject, paint
 
 from bumpy_head import bumpy_head, camera, view
-from unlit.evaluate.subject import Subject, visible_surface
+from unlit.evaluate.truth import visible_surface
 from unlit.scene.light import flash, uniform
 from unlit.scene.maps import Maps
 from unlit.settings.settings import ROUGHNESS
