@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -34,7 +35,7 @@ class KnownSubject(Protocol):
     def name(self) -> str: ...
     @property
     def camera(self) -> Camera: ...
-    @property
+    @cached_property
     def truth(self) -> Truth: ...
 
     def mesh(self) -> tuple[np.ndarray, np.ndarray]:
