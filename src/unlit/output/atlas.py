@@ -130,9 +130,11 @@ def _atlas(grid: np.ndarray, levels: np.ndarray, part: np.ndarray, mesh: Welded)
         up = np.concatenate([slopes, np.ones_like(slopes[..., :1])], axis=-1)
         return up / np.linalg.norm(up, axis=-1, keepdims=True)
 
-    maps = map(np.ascontiguousarray, (linear[..., :3], linear[..., 3], linear[..., 4]))
-    normals = map(normal, (grid[..., 5:7], grid[..., 7:9]))
-    return Atlas(*maps, *normals, levels, part, mesh)
+    diffuse, specular, roughness = map(
+        np.ascontiguousarray, (linear[..., :3], linear[..., 3], linear[..., 4])
+    )
+    normals = normal(grid[..., 5:7]), normal(grid[..., 7:9])
+    return Atlas(diffuse, specular, roughness, *normals, levels, part, mesh)
 
 
 @dataclass(frozen=True)
