@@ -1,9 +1,8 @@
-"""What the Blender script (blender_script.py) reads, and the script itself."""
+"""What the Blender script (blender_script.py) reads."""
 
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 
@@ -14,11 +13,6 @@ from .atlas import Atlas
 #: Blender's environment maps have the middle column along -x (of z up), ours along the camera's
 #: -y: a quarter turn, degrees.
 _LIGHT_TURN = 90.0
-
-
-def script() -> bytes:
-    """blender.py"""
-    return Path(__file__).with_name("blender_script.py").read_bytes()
 
 
 def settings(reconstruction: Reconstruction, atlas: Atlas) -> bytes:

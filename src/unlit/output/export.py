@@ -43,7 +43,8 @@ class ExportJob:
     back: str
 
 
-Writers = dict[str, Callable[[Path], object]]
+#: By file name: what makes its content.
+Contents = dict[str, Callable[[], bytes]]
 
 
 def export(
@@ -80,24 +81,24 @@ def export(
     progress("baking the atlas", 0, 2)
     back = _way(folder.resolve(), Path(source).resolve())
     job = ExportJob(reconstruction, bake(reconstruction, size), directx, back)
-    writers: Writers = {}
+    contents: Contents = {}
     if only_maps:
         files = {file for name in only_maps for file in MAP_FILES[name]}
-        every = atlas_pngs(job.atlas, directx) | _exrs(job)
-        writers = {file: every[file] for file in every if file in files}
+        every = _atlas_pngs(job) | _exrs(job)
+        contents = {file: every[file] for file in every if file in files}
     else:
         for name in formats:
-            writers |= FORMATS[name](job)
-    text = _mark(job, [] if only_maps else sorted(formats), size, writers)
-    writers[MARK] = lambda path: path.write_text(text, encoding="utf-8")
-    steps = len(writers) + 1
+            contents |= FORMATS[name](job)
+    text = _mark(job, [] if only_maps else sorted(formats), size, contents)
+    contents[MARK] = text.encode
+    steps = len(contents) + 1
 
-    def told(number: int, name: str, path: Path) -> None:
+    def write(number: int, name: str, path: Path) -> None:
         progress(f"writing {name}", number, steps)
-        writers[name](path)
+        path.write_bytes(contents[name]())
 
-    steps_by_name = {name: partial(told, 1 + n, name) for n, name in enumerate(writers)}
-    write_all(folder, steps_by_name, MARK, MARK_TEXT, _listed(folder / MARK))
+    writers = {name: partial(write, 1 + n, name) for n, name in enumerate(contents)}
+    write_all(folder, writers, MARK, MARK_TEXT, _listed(folder / MARK))
     progress("done", steps, steps)
     return folder
 
@@ -136,84 +137,77 @@ def _way(start: Path, end: Path) -> str:
     return Path(os.path.relpath(end, start)).as_posix()
 
 
-def atlas_pngs(atlas: Atlas, directx: bool = False) -> Writers:
-    """Writers of the atlas as PNG files."""
+def _atlas_pngs(job: ExportJob) -> Contents:
     return {
-        name: _bytes(lambda pixels=pixels: png(pixels(atlas, directx)))
+        name: lambda pixels=pixels: png(pixels(job.atlas, job.directx))
         for name, pixels in PNGS.items()
     }
 
 
-def _bytes(content: Callable[[], bytes]) -> Callable[[Path], object]:
-    return lambda path: path.write_bytes(content())
-
-
-def _glb(job: ExportJob) -> Writers:
+def _glb(job: ExportJob) -> Contents:
     from .gltf import glb
 
-    return {"face.glb": _bytes(lambda: glb(job.reconstruction, job.atlas))}
+    return {"face.glb": lambda: glb(job.reconstruction, job.atlas)}
 
 
-def _obj(job: ExportJob) -> Writers:
+def _obj(job: ExportJob) -> Contents:
     return {
-        "mesh.obj": _bytes(lambda: obj(job.reconstruction, job.atlas.part, "mesh.mtl")),
-        "mesh.mtl": _bytes(lambda: mtl(job.atlas.part)),
-        **atlas_pngs(job.atlas, job.directx),
+        "mesh.obj": lambda: obj(job.reconstruction, job.atlas.part, "mesh.mtl"),
+        "mesh.mtl": lambda: mtl(job.atlas.part),
+        **_atlas_pngs(job),
     }
 
 
-def _ply(job: ExportJob) -> Writers:
+def _ply(job: ExportJob) -> Contents:
     return {
-        "mesh.ply": _bytes(lambda: ply(job.reconstruction)),
-        **atlas_pngs(job.atlas, job.directx),
+        "mesh.ply": lambda: ply(job.reconstruction),
+        **_atlas_pngs(job),
     }
 
 
-def _exrs(job: ExportJob) -> Writers:
-    return {
-        name: _bytes(lambda pixels=pixels: exr(pixels(job.atlas))) for name, pixels in EXRS.items()
-    }
+def _exrs(job: ExportJob) -> Contents:
+    return {name: lambda pixels=pixels: exr(pixels(job.atlas)) for name, pixels in EXRS.items()}
 
 
-def _mitsuba(job: ExportJob) -> Writers:
+def _mitsuba(job: ExportJob) -> Contents:
     from . import mitsuba_scene as scenes
 
     r, atlas = job.reconstruction, job.atlas
     return {
-        "scene.xml": _bytes(lambda: scenes.stock_scene(r, "mesh.ply")),
-        "scene_unlit.xml": _bytes(lambda: scenes.own_scene(r, "mesh.ply", job.back)),
-        "mesh.ply": _bytes(lambda: ply(r)),
-        scenes.TWICE_DIFFUSE: _bytes(lambda: exr(2 * atlas.diffuse_albedo)),
-        scenes.TWICE_SPECULAR: _bytes(lambda: exr(2 * atlas.specular_albedo)),
-        scenes.ENVIRONMENT: _bytes(lambda: exr(scenes.environment(r))),
+        "scene.xml": lambda: scenes.stock_scene(r, "mesh.ply"),
+        "scene_unlit.xml": lambda: scenes.own_scene(r, "mesh.ply", job.back),
+        "mesh.ply": lambda: ply(r),
+        scenes.TWICE_DIFFUSE: lambda: exr(2 * atlas.diffuse_albedo),
+        scenes.TWICE_SPECULAR: lambda: exr(2 * atlas.specular_albedo),
+        scenes.ENVIRONMENT: lambda: exr(scenes.environment(r)),
         **_exrs(job),
     }
 
 
-def _blender(job: ExportJob) -> Writers:
+def _blender(job: ExportJob) -> Contents:
     from . import blender
 
     r = job.reconstruction
     return {
-        "blender.py": _bytes(blender.script),
-        "blender.json": _bytes(lambda: blender.settings(r, job.atlas)),
-        "environment.exr": _bytes(lambda: exr(r.light.rasterize())),
+        "blender.py": Path(__file__).with_name("blender_script.py").read_bytes,
+        "blender.json": lambda: blender.settings(r, job.atlas),
+        "environment.exr": lambda: exr(r.light.rasterize()),
         **_obj(job),
         **_exrs(job),
     }
 
 
-def _usd(job: ExportJob) -> Writers:
+def _usd(job: ExportJob) -> Contents:
     from .usd import usda
 
     return {
-        "face.usda": _bytes(lambda: usda(job.atlas, job.directx)),
-        **atlas_pngs(job.atlas, job.directx),
+        "face.usda": lambda: usda(job.atlas, job.directx),
+        **_atlas_pngs(job),
     }
 
 
 #: By name: what writes the format's files.
-FORMATS: dict[str, Callable[[ExportJob], Writers]] = {
+FORMATS: dict[str, Callable[[ExportJob], Contents]] = {
     "glb": _glb,
     "obj": _obj,
     "ply": _ply,

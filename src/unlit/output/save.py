@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +14,7 @@ import numpy as np
 from ..face.reconstruction import Reconstruction
 from ..storage.folder import CHECKPOINT, MARK, REPORT, STAGES, write_all
 from .arrays import write_arrays
-from .export import atlas_pngs
-from .geometry import mtl, obj, ply
+from .export import FORMATS, Contents, ExportJob
 from .images import MAPS, exr, png
 from .metrics import metrics_json
 from .montage import montage_png
@@ -28,6 +28,7 @@ _FRAME = (
     "right-handed, x right, y up, camera at the origin looking along -z, centimetres; "
     "pixels: x right, y down, the first pixel's centre at (0.5, 0.5)"
 )
+_ARRAYS = "reconstruction.npz"
 #: Every file but the maps, with what it holds.
 _OTHER_FILES = {
     "light.json": "spherical Gaussians: axis, sharpness, amplitude; their colour",
@@ -36,7 +37,7 @@ _OTHER_FILES = {
     "mesh.ply": "the same mesh, binary",
     "face.glb": "mesh, materials and textures for viewers and game engines",
     "camera.json": "pinhole camera of the crop, and where the crop lies in the photo",
-    "reconstruction.npz": "every array, as loaded by unlit.load",
+    _ARRAYS: "every array, as loaded by unlit.load",
     "metrics.json": "losses by stage, timings, memory, residual of the fit",
     "montage.png": "all of it at a glance",
     MARK: "this file",
@@ -76,7 +77,6 @@ def save(
     the names to be written.
     """
     from .atlas import bake
-    from .gltf import glb
 
     r = reconstruction
     atlas = bake(r, ATLAS_SIZE)
@@ -87,36 +87,24 @@ def save(
         MARK: result_toml(r, FILES),
         LOG: log,
     }
-    writers: dict[str, Callable[[Path], object]] = {
-        **{f"{name}.exr": _exr(array(r)) for name, (array, _) in MAPS.items()},
-        **{f"{name}.png": _png(array(r), look) for name, (array, look) in MAPS.items()},
-        **atlas_pngs(atlas),
-        "face.glb": lambda path: path.write_bytes(glb(r, atlas)),
-        "mesh.obj": lambda path: path.write_bytes(obj(r, atlas.part, "mesh.mtl")),
-        "mesh.mtl": lambda path: path.write_bytes(mtl(atlas.part)),
-        "mesh.ply": lambda path: path.write_bytes(ply(r)),
-        "reconstruction.npz": lambda path: write_arrays(r, path),
-        "montage.png": lambda path: path.write_bytes(montage_png(r)),
-        **{name: _text(text) for name, text in texts.items()},
-    }
-    assert writers.keys() == FILES.keys()
-    for name, content in (pages or {}).items():
-        writers[name] = lambda path, content=content: path.write_bytes(content(atlas))
+    contents: Contents = {"montage.png": lambda: montage_png(r)}
+    for name, (array, look) in MAPS.items():
+        contents[f"{name}.exr"] = lambda array=array: exr(array(r))
+        contents[f"{name}.png"] = lambda array=array, look=look: png(look(array(r)))
+    for name in ("glb", "obj", "ply"):
+        contents |= FORMATS[name](ExportJob(r, atlas, directx=False, back=""))
+    contents |= {name: text.encode for name, text in texts.items()}
+    assert {*contents, _ARRAYS} == FILES.keys()
+    contents |= {name: partial(page, atlas) for name, page in (pages or {}).items()}
+    writers = {name: partial(_write, content) for name, content in contents.items()}
+    writers[_ARRAYS] = partial(write_arrays, r)
     write_all(Path(folder), writers, obsolete=(REPORT, STAGES))
     with contextlib.suppress(OSError):
         (Path(folder) / CHECKPOINT).unlink(missing_ok=True)
 
 
-def _exr(image: np.ndarray) -> Callable[[Path], object]:
-    return lambda path: path.write_bytes(exr(image))
-
-
-def _png(image: np.ndarray, look: Callable[[np.ndarray], np.ndarray]) -> Callable[[Path], object]:
-    return lambda path: path.write_bytes(png(look(image)))
-
-
-def _text(text: str) -> Callable[[Path], object]:
-    return lambda path: path.write_text(text, encoding="utf-8")
+def _write(content: Callable[[], bytes], path: Path) -> None:
+    path.write_bytes(content())
 
 
 def _camera(r: Reconstruction) -> dict[str, Any]:
