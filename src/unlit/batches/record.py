@@ -1,15 +1,24 @@
-"""What a batch keeps of each photo: a small JSON file, written when its task has ended."""
+"""What a batch keeps of each photo: a small JSON file, written when its task has ended.
+
+By what its results were made from the batch knows the photos that are done.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
-from dataclasses import asdict, dataclass, field
-from typing import Annotated, Literal
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from msgspec import Meta
 
 from ..storage.identity import Identity
 from ..storage.tables import typed
+
+if TYPE_CHECKING:
+    from ..head.model import HeadModel
+    from ..settings.settings import Settings
 
 
 @dataclass(frozen=True)
@@ -61,6 +70,26 @@ class Record:
             return typed(json.loads(content), Record)
         except (ValueError, RecursionError):
             return None
+
+
+def common_identity(settings: Settings, head: HeadModel, face: str | int) -> Identity:
+    """What all photos of a batch have in common; face: may be "all"."""
+    from ..head.sources.library import model_key
+    from ..pipeline.identity import identity_of
+
+    return identity_of("", "", settings, model_key(head), face)
+
+
+def with_photo(common: Identity, photo: Path) -> Identity | None:
+    """The identity of a photo's results; None for a file that cannot be read."""
+    try:
+        if photo.is_file():  # a pipe would never end
+            with photo.open("rb") as file:
+                content = hashlib.file_digest(file, "sha256").hexdigest()
+            return replace(common, photo=photo.name, content=content)
+    except (OSError, ValueError):
+        pass
+    return None
 
 
 def readable(text: str) -> str:

@@ -18,9 +18,8 @@ from ..storage.identity import Identity
 from . import task
 from .cluster import connected
 from .folder import RECORDS, TABLES, BatchFolder
-from .identity import common_identity, with_photo
 from .photos import name_results
-from .record import BatchRow, Record
+from .record import BatchRow, Record, common_identity, with_photo
 from .table import write_tables
 from .task import PhotoTask
 

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import UnlitError
 from .folder import RECORDS, BatchFolder
-from .identity import common_identity, with_photo
-from .record import BatchRow, Record
+from .record import BatchRow, Record, common_identity, with_photo
 
 if TYPE_CHECKING:
     from ..head.model import HeadModel

@@ -2,7 +2,7 @@
 
 import os
 
-from unlit.batches.identity import with_photo
+from unlit.batches.record import with_photo
 from unlit.storage.identity import Identity
 
 COMMON = Identity("", "", "only", "", {}, "h", "1", "k", "llvm")
