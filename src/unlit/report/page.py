@@ -24,7 +24,6 @@ from ..settings.settings import as_dict
 from ..storage.folder import REPORT, write_one
 from . import figures
 from .bundle import REMEDY, WEB, missing_because, program
-from .charts import loss_chart
 from .scene import scene
 from .stages import Stages, read_stages
 
@@ -67,7 +66,7 @@ def report_html(r: Reconstruction, atlas: Atlas, stages: Stages | None = None) -
         maps=figures.maps(r),
         atlas=figures.atlas_maps(atlas),
         confidence=figures.confidence(atlas),
-        losses=_losses(r.metrics.losses),
+        losses=figures.losses(r.metrics.losses),
         seconds=_seconds(r.metrics.seconds),
         command="unlit reconstruct PHOTO -o DIR --config settings.toml",
         settings=escape(tomli_w.dumps(as_dict(r.settings))),
@@ -167,20 +166,6 @@ def _warnings(sentences: tuple[str, ...]) -> str:
         return "<p>None: nothing shadowed, saturated, clipped, small or misplaced was found.</p>"
     items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
     return f'<ul class="warnings">{items}</ul>'
-
-
-def _losses(losses: dict[str, list[tuple[int, float]]]) -> str:
-    charts = [
-        f"<figure>{loss_chart(name, points)}<figcaption>{escape(name)}</figcaption></figure>"
-        for name, points in losses.items()
-        if points
-    ]
-    if not charts:
-        return "<p>No losses were kept.</p>"
-    return (
-        "<p>Logarithmic, against iterations. Stages minimise different sums, so heights compare "
-        f'only inside a stage.</p><div class="grid stages">{"".join(charts)}</div>'
-    )
 
 
 def _seconds(seconds: dict[str, float]) -> str:

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from unlit.report.charts import loss_chart
+from unlit.report.figures import loss_chart
 
 
 def test_equal_factors_are_equal_heights():
