@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import SettingsError
-from ..face.reconstruction import Reconstruction
 from ..output import RESULT_FILES, load, write_one
 from ..output.images import encoded, exr, png
 from ..photo.photo import read_photo
@@ -103,7 +102,8 @@ def relight(
     _spare_inputs(folder, path, request)
     ensure_writable(path)
     face = load(folder)
-    environment = _environment(request, face)
+    environment = requested_light(request.light, face.light.rasterize())
+    environment = environment * np.float32(2**request.brightness)
     backdrop = None
     if request.over_photo is not None:
         backdrop = Backdrop(face, read_photo(request.over_photo))
@@ -131,13 +131,6 @@ def _spare_inputs(folder: Path, path: Path, request: RelightRequest) -> None:
     inputs |= {Path(name) for name in (request.light, request.over_photo) if name is not None}
     if path.resolve() in {file.resolve() for file in inputs}:
         raise SettingsError(f"{path}: is an input or a file of the result; choose another name")
-
-
-def _environment(request: RelightRequest, face: Reconstruction) -> np.ndarray:
-    """The light at its strength, then the stops."""
-    return requested_light(request.light, face.light.rasterize()) * np.float32(
-        2**request.brightness
-    )
 
 
 def _png(frames: Iterator[np.ndarray], fps: int) -> bytes:
