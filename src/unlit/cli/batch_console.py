@@ -8,7 +8,7 @@ from rich.console import Console
 
 from ..batches.record import BatchRow, readable
 from ..batches.run import Counts
-from ..progress.display import Display
+from ..progress.console import Display
 from ..progress.log import clock
 
 

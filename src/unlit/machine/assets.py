@@ -23,8 +23,9 @@ from pathlib import Path
 import platformdirs
 
 from ..errors import ModelError
+from ..progress.callbacks import silent
 from .manifest import ASSETS, Asset
-from .sources import FetchProgress, SourceError, fetched, silent
+from .sources import FetchProgress, SourceError, fetched
 
 FOLDER_VARIABLE = "UNLIT_MODELS"
 

@@ -74,11 +74,7 @@ def read_size(text: str) -> float:
     number = text.strip().upper()
     for unit, factor in _UNITS.items():
         if number.endswith(unit):
-            return _positive(float(number.removesuffix(unit)) * factor)
-    raise ValueError("no unit")
-
-
-def _positive(size: float) -> float:
-    if not 0 < size < float("inf"):
-        raise ValueError("must be more than nothing")
-    return size
+            size = float(number.removesuffix(unit)) * factor
+            if 0 < size < float("inf"):
+                return size
+    raise ValueError("no size, or no unit")

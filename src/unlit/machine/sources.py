@@ -18,6 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
+from ..progress.callbacks import silent
 from .manifest import Asset, Package
 
 #: Called with (asset, bytes so far, bytes in total); the last call has both equal.
@@ -30,10 +31,6 @@ _UNREADABLE = (
     *(zipfile.BadZipFile, tarfile.TarError, zlib.error),
     *(KeyError, EOFError, NotImplementedError, RuntimeError),
 )
-
-
-def silent(entry: Asset, done: int, total: int) -> None:
-    """Tells nobody."""
 
 
 class SourceError(Exception):

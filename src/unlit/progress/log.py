@@ -76,9 +76,9 @@ class Log:
         self._lines.append(line)
         self._show(line)
 
-    def note(self, line: str) -> None:
-        """Keep a line without showing it."""
-        self._lines.append(line)
+    def note(self, *lines: str) -> None:
+        """Keep lines without showing them."""
+        self._lines += lines
 
     def text(self) -> str:
         """Everything said and noted so far."""

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import pytest
 from rich.console import Console
 
-from unlit.progress import display, log
+from unlit.progress import console as consoles
+from unlit.progress import log
 from unlit.progress.console import FetchConsole, RunConsole, StepConsole, StudyConsole
 
 PLAN = {"photo": 1, "stage1": 20, "stage2": 25, "finish": 4}
@@ -24,7 +25,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch) -> Clock:
     clock = Clock()
-    for module in (display, log):
+    for module in (consoles, log):
         monkeypatch.setattr(module, "time", clock)
     return clock
 
@@ -95,7 +96,7 @@ def test_a_terminal_gets_a_bar(clock):
 def test_a_notebook_gets_a_bar_where_it_can_draw_one(monkeypatch, widgets):
     """Rich draws it with ipywidgets, without which it would only warn."""
     found = object() if widgets else None
-    monkeypatch.setattr(display.importlib.util, "find_spec", lambda name: found)
+    monkeypatch.setattr(consoles.importlib.util, "find_spec", lambda name: found)
     assert RunConsole(PLAN, terminal(io.StringIO(), force_jupyter=True)).redraws is widgets
 
 
