@@ -54,7 +54,6 @@ from unlit.head.landmark_error import NO_ERROR
 from unlit.head.model import HeadModel
 from unlit.head.sources.library import default_model
 from unlit.optimize.run_record import RunRecord
-from unlit.output import write_one
 from unlit.output.images import png
 from unlit.perception.topology import FACE_OVAL, LEFT_EYE, LIPS_INNER, RIGHT_EYE
 from unlit.photo.photo import Photo
@@ -63,6 +62,7 @@ from unlit.pipeline.observe import observe
 from unlit.render.relighter import Relighter
 from unlit.settings.fit import LandmarkFit, ShadingFit
 from unlit.settings.settings import PRESETS, Settings
+from unlit.storage.folder import write_one
 from unlit.storage.keys import key
 
 SIZE = 256

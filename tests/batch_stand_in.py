@@ -1,8 +1,8 @@
 """A reconstruction that takes no time worth speaking of, for tests of what a batch does around it.
 
-`install` puts it in place of `unlit.pipeline.chain.reconstruct` and `unlit.output.save`; loaded by
-`dask worker --preload`, this file installs itself, told how by the environment. The photo's first
-pixel says what happens: red raises an error that is no user's, green ends the process.
+`install` puts it in place of `unlit.pipeline.chain.reconstruct` and `unlit.output.save.save`;
+loaded by `dask worker --preload`, this file installs itself, told how by the environment. The
+photo's first pixel says what happens: red raises an error that is no user's, green ends the process.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image
 
 import unlit
-import unlit.output
+import unlit.output.save
 from unlit.face.reconstruction import Metrics
 from unlit.photo.photo import Photo
 from unlit.storage.folder import MARK, MARK_TEXT, write_all
@@ -68,11 +68,11 @@ def install(log: Path, seconds: float = 0.0, patch: Any = None) -> None:
     pipeline.reconstruct = reconstruct  # type: ignore[attr-defined]
     if patch is None:
         sys.modules["unlit.pipeline.chain"] = pipeline
-        unlit.output.save = save  # type: ignore[assignment]
+        unlit.output.save.save = save  # type: ignore[assignment]
     else:
         patch.setitem(sys.modules, "unlit.pipeline.chain", pipeline)
         patch.setattr(unlit, "pipeline", pipeline, raising=False)
-        patch.setattr(unlit.output, "save", save)
+        patch.setattr(unlit.output.save, "save", save)
 
 
 def picture(path: Path, colour: tuple[int, int, int] = (128, 128, 128)) -> Path:

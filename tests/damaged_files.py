@@ -84,9 +84,9 @@ def put_stand_ins(kind: str) -> None:
     if not kind.startswith("subject"):
         sys.modules["unlit.pipeline.chain"] = pipeline
     if kind.startswith("result"):
-        import unlit.output
+        import unlit.output.export
 
-        unlit.output.export = read  # type: ignore[assignment]
+        unlit.output.export.export = read  # type: ignore[assignment]
     if kind.startswith("subject"):
         from unlit.evaluate import command, subject_mesh
 

@@ -12,7 +12,7 @@ from PIL import Image
 from changed import changed
 from small_head import save_quickly, small_head
 from unlit.face.reconstruction import Reconstruction
-from unlit.output import save
+from unlit.output.save import save
 from unlit.photo.crop import Crop
 from unlit.photo.photo import read_photo
 

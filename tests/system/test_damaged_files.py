@@ -14,7 +14,7 @@ from skimage.data import astronaut
 
 import damaged_files
 from small_head import save_quickly, small_head
-from unlit.output import save
+from unlit.output.save import save
 
 SCAN = "data/scans/lee_perry_smith"
 SUBJECT = """\

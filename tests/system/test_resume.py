@@ -17,7 +17,7 @@ from skimage.data import astronaut
 
 import unlit
 from unlit.optimize.checkpoint import Checkpoint
-from unlit.output import CHECKPOINT
+from unlit.storage.folder import CHECKPOINT
 
 #: Enough iterations that a kill falls into every stage, with the shape's rays traced anew.
 QUICK = {1: 60, 2: 60, 3: 30, 4: 30, 5: 30}

@@ -101,7 +101,7 @@ def _rows(
     done: dict[str, BatchRow],
 ) -> list[BatchRow]:
     """One row per face; what is in `done`, by folder, is taken from there."""
-    from ..output import needed_bytes
+    from ..output.save import needed_bytes
     from ..photo.photo import read_photo
 
     try:
@@ -158,7 +158,7 @@ def _result(
 ) -> BatchRow:
     """Reconstruct one face of `photo` and save it to `folder`; a row without names."""
     from ..evaluate.metrics import psnr
-    from ..output import save
+    from ..output.save import save
     from ..pipeline.chain import reconstruct
 
     log, stop_if_cancelled = _log(photo, settings), _stop_if_cancelled()
@@ -189,8 +189,7 @@ def _log(photo: Photo, settings: Settings) -> Log:
     log = Log()
     height, width = photo.pixels.shape[:2]
     log.note(f"photo     {photo.source}, {width} x {height}, {photo.colours}")
-    for line in settings_lines(as_dict(settings)):
-        log.note(line)
+    log.note(*settings_lines(as_dict(settings)))
     return log
 
 

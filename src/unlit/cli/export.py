@@ -53,7 +53,8 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..output import export, load
+    from ..output.export import export
+    from ..output.load import load
     from ..progress.console import StepConsole
 
     source = Path(options.folder)

@@ -108,8 +108,8 @@ def reconstruct_into(
     """
 
     settings = settings_of(options)
-    from ..output import CHECKPOINT, RESULT_FILES, needed_bytes, reserve
-    from ..storage.folder import MARK
+    from ..output.save import RESULT_FILES, needed_bytes
+    from ..storage.folder import CHECKPOINT, MARK, reserve
 
     folder = Path(options.output)
     with reserve(folder, RESULT_FILES, needed_bytes(settings.resolution)) as preview:
@@ -155,7 +155,7 @@ def reconstruct_into(
 
 def _check_finished(folder: Path, photo: Any, settings: Any) -> None:
     """Raise OutputError if the result in `folder` is not what is asked for: it is not replaced."""
-    from ..output import load
+    from ..output.load import load
 
     found = load(folder)
     if (found.photo.name, found.settings) != (Path(photo.source).name, settings):
@@ -171,8 +171,11 @@ def _continue(options: argparse.Namespace) -> int:
     named = options.resume if isinstance(options.resume, str) else options.output
     if named is None:
         raise SettingsError("--from-stage: name the folder of the result, as --resume DIR")
-    from ..output import RESULT_FILES, edited, load, needed_bytes, reserve
+    from ..output.edits import edited
+    from ..output.load import load
+    from ..output.save import RESULT_FILES, needed_bytes
     from ..settings.settings import override
+    from ..storage.folder import reserve
 
     source, stage = Path(named), options.from_stage
     face = load(source)
@@ -210,8 +213,7 @@ def _console(facts: Mapping[str, str], settings: Settings, preview: Path, done: 
     say = console.log.say
     for name, fact in facts.items():
         say(f"{name:<9} {fact}")
-    for line in settings_lines(as_dict(settings)):
-        console.log.note(line)
+    console.log.note(*settings_lines(as_dict(settings)))
     say(
         f"expects   some {sum(plan.values()) / 60:.1f} minutes on {cores} cores, "
         f"{cost.memory(settings.resolution) / 1e9:.1f} GB of memory at most"
@@ -228,17 +230,19 @@ class _States:
         self.taken: list[tuple[str, dict[str, bytes]]] = []
 
     def __call__(self, stage: str, state: Any) -> None:
-        from ..output import preview_png, write_one
+        from ..output.montage import preview_png
         from ..report.stages import stage_pictures
+        from ..storage.folder import write_one
 
         write_one(self.preview, preview_png(state))
         self.taken.append((stage, stage_pictures(state)))
 
 
 def _save(log: Log, result: Any, folder: Path, states: _States) -> None:
-    from ..output import REPORT, STAGES, save
+    from ..output.save import save
     from ..report.page import report_html
     from ..report.stages import pack_stages
+    from ..storage.folder import REPORT, STAGES
 
     if (residual := result.head.landmark_residual) is not None:
         log.say(f"landmark_residual  {residual:.4g}")

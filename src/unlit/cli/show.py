@@ -50,7 +50,9 @@ def add(commands: Any) -> None:
 
 
 def run_montage(options: argparse.Namespace) -> int:
-    from ..output import load, montage_png, write_one
+    from ..output.load import load
+    from ..output.montage import montage_png
+    from ..storage.folder import write_one
 
     path = Path(options.folder) / "montage.png"
     write_one(path, montage_png(load(options.folder)))

@@ -14,7 +14,6 @@ from ..errors import FaceError, SettingsError, SubjectError
 from ..face.reconstruction import Reconstruction
 from ..head.model import HeadModel
 from ..head.sources.library import head_model, model_key
-from ..output import write_one
 from ..output.images import png
 from ..photo.photo import Photo, read_photo
 from ..pipeline.chain import reconstruct
@@ -22,6 +21,7 @@ from ..pipeline.identity import identity_of, photo_content
 from ..progress.console import StudyConsole
 from ..relighting.lights import LIGHTS, environment_map
 from ..settings.settings import Settings, as_dict
+from ..storage.folder import write_one
 from ..storage.keys import key
 from .figure import check_sheet, result_sheet
 from .metrics import flip_package

@@ -49,10 +49,6 @@ _RELIT = 1
 ReconstructionWatch = Callable[[str], AbstractContextManager[StageProgress]]
 
 
-def _silent_run(name: str) -> AbstractContextManager[StageProgress]:
-    return nullcontext(silent)
-
-
 @dataclass(frozen=True)
 class NamedLight:
     """A light by name: latitude-longitude map (H, W) or (H, W, 3), in the camera's frame."""
@@ -113,7 +109,7 @@ class Study:
     samples: int = 256
     seed: int = 0
     true_mesh: bool = False
-    running: ReconstructionWatch = _silent_run
+    running: ReconstructionWatch = lambda name: nullcontext(silent)
 
     @cached_property
     def _head(self) -> HeadModel:

@@ -17,7 +17,9 @@ import numpy as np
 
 from ..errors import OutputError
 from ..face.reconstruction import Reconstruction
-from ..output import load, save, write_one
+from ..output.load import load
+from ..output.save import save
+from ..storage.folder import write_one
 
 Busy = Callable[[str], AbstractContextManager[Any]]
 

@@ -95,9 +95,8 @@ def _sensor(r: Reconstruction) -> ElementTree.Element:
     """The camera of scene/camera.py: the same numbers as Camera.mitsuba_sensor."""
     given = r.face.camera.mitsuba_sensor(_SAMPLES)
     sensor = ElementTree.Element("sensor", type=given["type"])
-    for name in ("fov", "principal_point_offset_x", "principal_point_offset_y"):
-        _put(sensor, "float", name, given[name])
-    for name in ("near_clip", "far_clip"):
+    offsets = ("principal_point_offset_x", "principal_point_offset_y")
+    for name in ("fov", *offsets, "near_clip", "far_clip"):
         _put(sensor, "float", name, given[name])
     _put(sensor, "string", "fov_axis", given["fov_axis"])
     transform = ElementTree.SubElement(sensor, "transform", name="to_world")

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import SettingsError
-from ..output import RESULT_FILES, load, write_one
 from ..output.images import encoded, exr, png
+from ..output.load import load
+from ..output.save import RESULT_FILES
 from ..photo.photo import read_photo
 from ..progress.callbacks import StepProgress, silent
-from ..storage.folder import ensure_writable
+from ..storage.folder import ensure_writable, write_one
 from .composite import Backdrop
 from .frames import Frame, rendered_frames, sweep, turntable
 from .lights import requested_light

@@ -119,7 +119,7 @@ def test_wrong_usage_is_2(capsys, arguments):
 
 def test_settings_in_order_of_precedence(photo, pipeline, tmp_path, capsys, monkeypatch):
     """Preset, then --config, then --resolution, then --set."""
-    monkeypatch.setattr("unlit.output.save", lambda *_: None)
+    monkeypatch.setattr("unlit.output.save.save", lambda *_: None)
     made = types.SimpleNamespace(
         head=types.SimpleNamespace(landmark_residual=None),
         photo=types.SimpleNamespace(white_luminance=None),

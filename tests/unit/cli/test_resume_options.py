@@ -12,9 +12,8 @@ from PIL import Image
 import unlit.pipeline
 from unlit import cli
 from unlit.face.reconstruction import Metrics
-from unlit.output import CHECKPOINT
 from unlit.settings.settings import PRESETS, override
-from unlit.storage.folder import MARK, MARK_TEXT
+from unlit.storage.folder import CHECKPOINT, MARK, MARK_TEXT
 
 
 @pytest.fixture
@@ -41,9 +40,11 @@ def calls(monkeypatch) -> list:
         monkeypatch.setattr(unlit.pipeline, module, fake, raising=False)
     settings = override(PRESETS["paper"], {"resolution": 300, "stage5.iterations": 7})
     face = types.SimpleNamespace(settings=settings, photo=types.SimpleNamespace(name="old.jpg"))
-    monkeypatch.setattr("unlit.output.load", lambda folder: face)
-    monkeypatch.setattr("unlit.output.edited", lambda face, folder, stage: (face, ["mask.png"]))
-    monkeypatch.setattr("unlit.output.save", lambda *_: None)
+    monkeypatch.setattr("unlit.output.load.load", lambda folder: face)
+    monkeypatch.setattr(
+        "unlit.output.edits.edited", lambda face, folder, stage: (face, ["mask.png"])
+    )
+    monkeypatch.setattr("unlit.output.save.save", lambda *_: None)
     monkeypatch.setattr(cli.models, "fetch", lambda *_: None)
     return asked
 
@@ -84,7 +85,7 @@ def test_a_finished_result_is_neither_resumed_nor_replaced(
     photographed = types.SimpleNamespace(name="a.png")
     same = types.SimpleNamespace(photo=photographed, settings=PRESETS["paper"])
     arguments = ["reconstruct", photo, "-o", str(tmp_path), "--resume"]
-    monkeypatch.setattr("unlit.output.load", lambda _: same)
+    monkeypatch.setattr("unlit.output.load.load", lambda _: same)
     assert cli.main(arguments) == 0
     assert "montage.png" in capsys.readouterr().out
     assert cli.main([*arguments, "--preset", "draft"]) == 1

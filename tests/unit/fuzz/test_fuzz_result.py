@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from corrupt import damaged
 from small_head import save_quickly, small_head
 from unlit.errors import OutputError
-from unlit.output import load, save
+from unlit.output.load import load
+from unlit.output.save import save
 
 FUZZ = settings.get_profile("fuzz")
 NAMES = ("reconstruction.toml", "metrics.json", "reconstruction.npz")

@@ -10,8 +10,10 @@ from changed import changed
 from unlit.color import decode_srgb
 from unlit.errors import OutputError, PictureError
 from unlit.face.reconstruction import Reconstruction
-from unlit.output import edited, load, save
+from unlit.output.edits import edited
 from unlit.output.images import exr
+from unlit.output.load import load
+from unlit.output.save import save
 
 pytestmark = pytest.mark.usefixtures("no_relight")
 

@@ -21,7 +21,8 @@ from unlit.cli.export import EXPORTS, MAPS
 from unlit.color import encode_srgb
 from unlit.errors import OutputError, SettingsError
 from unlit.face.reconstruction import Reconstruction
-from unlit.output import FORMATS, export, save
+from unlit.output.export import FORMATS, export
+from unlit.output.save import save
 from unlit.output.textures import MAP_FILES
 
 

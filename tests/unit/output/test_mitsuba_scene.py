@@ -12,8 +12,9 @@ from small_head import save_quickly, small_head
 from unlit.color import encode_srgb
 from unlit.face.reconstruction import Reconstruction
 from unlit.machine.runtime import mitsuba
-from unlit.output import export, save
+from unlit.output.export import export
 from unlit.output.mitsuba_scene import TWICE_DIFFUSE, TWICE_SPECULAR
+from unlit.output.save import save
 from unlit.render.reference import path_trace
 from unlit.scene.brdf import specular
 from unlit.scene.mesh import Mesh

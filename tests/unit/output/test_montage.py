@@ -7,9 +7,8 @@ import pytest
 from PIL import Image
 
 from changed import changed
-from unlit.output import montage, preview_png
 from unlit.output.images import encoded
-from unlit.output.montage import clay, error, light, outdoors
+from unlit.output.montage import clay, error, light, montage, outdoors, preview_png
 from unlit.scene.light import SphericalGaussians
 
 

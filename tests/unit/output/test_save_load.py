@@ -14,7 +14,9 @@ from changed import changed
 from small_head import save_quickly
 from unlit.errors import OutputError
 from unlit.machine.runtime import mitsuba
-from unlit.output import CHECKPOINT, FILES, load, needed_bytes, save
+from unlit.output.load import load
+from unlit.output.save import FILES, needed_bytes, save
+from unlit.storage.folder import CHECKPOINT
 
 mi = mitsuba()
 

@@ -15,7 +15,8 @@ from unlit.errors import SettingsError
 from unlit.face.gain import peak_luminance
 from unlit.face.photo import FacePhoto
 from unlit.face.reconstruction import Reconstruction
-from unlit.output import load, save
+from unlit.output.load import load
+from unlit.output.save import save
 from unlit.photo.photo import Photo
 from unlit.pipeline.chain import Steps, reconstruct
 from unlit.pipeline.resume import resume

@@ -11,7 +11,9 @@ from changed import changed, part
 from small_head import save_quickly
 from unlit.errors import SettingsError
 from unlit.face.conditions import Conditions
-from unlit.output import edited, load, save
+from unlit.output.edits import edited
+from unlit.output.load import load
+from unlit.output.save import save
 from unlit.pipeline.resume import check_resumable, resume
 
 
