@@ -1,4 +1,4 @@
-"""Image files: EXR holds the numbers, linear float32; PNG is for looking at.
+"""Image files: EXR holds the numbers, linear float32; PNG is for looking at, WebP inside pages.
 
     name               EXR                                          PNG preview
     diffuse_albedo     RGB, linear sRGB                             sRGB-encoded
@@ -80,4 +80,23 @@ def png(image: np.ndarray) -> bytes:
     """A PNG file of (H, W) or (H, W, 3) uint8."""
     stream = io.BytesIO()
     Image.fromarray(image).save(stream, "PNG")
+    return stream.getvalue()
+
+
+def webp(image: np.ndarray, largest: int | None = None) -> bytes:
+    """A WebP file of (H, W) or (H, W, 3) uint8, to look at, at most `largest` pixels a side."""
+    picture = Image.fromarray(image).convert("RGB")
+    if largest is not None:
+        picture.thumbnail((largest, largest), Image.Resampling.LANCZOS)
+    return _saved(picture, quality=90, method=4)
+
+
+def webp_exact(image: np.ndarray) -> bytes:
+    """A WebP file of (H, W) or (H, W, 3) uint8 without loss: for data that happen to be pixels."""
+    return _saved(Image.fromarray(image).convert("RGB"), lossless=True, quality=50, method=4)
+
+
+def _saved(picture: Image.Image, **options: bool | int) -> bytes:
+    stream = io.BytesIO()
+    picture.save(stream, "WEBP", **options)
     return stream.getvalue()

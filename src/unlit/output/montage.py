@@ -32,12 +32,11 @@ def montage(reconstruction: Reconstruction) -> np.ndarray:
     flash or the side light renders as 1.
     """
     relighter = Relighter(reconstruction.face)
-
-    def relit(environment: Callable[[], np.ndarray]) -> Callable[[Reconstruction], np.ndarray]:
-        return lambda _: encoded(relighter(environment()))
-
-    lights = tuple((caption, relit(environment)) for caption, environment in _LIGHTS.items())
-    return _sheet(reconstruction, (*_TILES, *lights), columns=4, tile=_TILE)
+    relit: list[Tile] = [
+        (caption, lambda _, light=light: encoded(relighter(light())))
+        for caption, light in _LIGHTS.items()
+    ]
+    return _sheet(reconstruction, (*_TILES, *relit), columns=4, tile=_TILE)
 
 
 def montage_png(reconstruction: Reconstruction) -> bytes:
@@ -92,8 +91,7 @@ def light(r: Reconstruction) -> np.ndarray:
     matte = (cosine @ coarse).reshape(ball, ball, *channels)
     picture = np.full((width, width, *channels), _PAPER, dtype=np.uint8)
     top = (width - height - ball) // 2
-    looks = np.concatenate([radiance, r.light.radiance(mirrored)], axis=1)
-    looks = tone_mapped(looks)
+    looks = tone_mapped(np.concatenate([radiance, r.light.radiance(mirrored)], axis=1))
     picture[top : top + height] = looks[:, :width][:, ::-1]
     below = slice(top + height, top + height + ball)
     picture[below, :ball][inside] = encoded(0.6 * matte)[inside]
@@ -109,10 +107,6 @@ def outdoors() -> np.ndarray:
     blend = 1 / (1 + np.exp(-up / 0.05))
     sun = disc((-0.6, 0.55, 0.6), irradiance=0.7, half_angle=6)[..., None] * (1.0, 0.86, 0.66)
     return (ground + (sky - ground) * blend + sun).astype(np.float32)
-
-
-def _side() -> np.ndarray:
-    return disc((np.sin(np.radians(60)), 0.0, np.cos(np.radians(60))))
 
 
 def _inside(r: Reconstruction) -> np.ndarray:
@@ -142,7 +136,9 @@ _TILES: tuple[Tile, ...] = (
 )
 _LIGHTS = {
     "new light: frontal flash": flash,
-    "new light: 60 degrees from the right": _side,
+    "new light: 60 degrees from the right": lambda: disc(
+        (np.sin(np.radians(60)), 0.0, np.cos(np.radians(60)))
+    ),
     "new light: outdoors": outdoors,
 }
 _PREVIEW_TILES = (_PHOTO, _RENDER, _CLAY, _DIFFUSE, _NORMALS, _LIGHT)

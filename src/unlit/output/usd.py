@@ -53,7 +53,8 @@ def _face(stage: Any, mesh: Welded) -> Any:
     from pxr import Gf, Sdf, UsdGeom, Vt
 
     face = UsdGeom.Mesh.Define(stage, "/head/face")
-    position = _centred(mesh)
+    centre = (mesh.position.min(axis=0) + mesh.position.max(axis=0)) / 2  # of the head
+    position = np.ascontiguousarray((mesh.position - centre) * METRE, dtype=np.float32)
     face.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(position))
     face.CreateExtentAttr([Gf.Vec3f(*end.tolist()) for end in (position.min(0), position.max(0))])
     face.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(mesh.normal)))
@@ -105,9 +106,3 @@ def _material(stage: Any, directx: bool) -> Any:
         surface.CreateInput(name, kind).ConnectToSource(node.ConnectableAPI(), output)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
     return material
-
-
-def _centred(mesh: Welded) -> np.ndarray:
-    """Positions (W, 3) float32 in metres, the middle of the head at the origin."""
-    centre = (mesh.position.min(axis=0) + mesh.position.max(axis=0)) / 2
-    return np.ascontiguousarray((mesh.position - centre) * METRE, dtype=np.float32)

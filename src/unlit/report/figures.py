@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import math
 from html import escape
 
@@ -9,10 +10,9 @@ import numpy as np
 
 from ..face.reconstruction import Reconstruction
 from ..output.atlas import DIFFUSED, GRAZING, MIRRORED, PLAIN, SEEN, Atlas
-from ..output.images import MAPS, encoded
+from ..output.images import MAPS, encoded, webp, webp_exact
 from ..output.montage import clay, error, light
 from ..output.textures import normal_bytes
-from .pictures import data_uri, webp, webp_exact
 from .scene import material
 from .stages import Stages
 
@@ -199,7 +199,8 @@ def loss_chart(title: str, points: list[tuple[int, float]]) -> str:
 
 def image(content: bytes, alt: str, attributes: str = "") -> str:
     """An <img> of a WebP file."""
-    return f'<img {attributes} alt="{escape(alt)}" src="{data_uri(content)}">'
+    address = f"data:image/webp;base64,{base64.b64encode(content).decode()}"
+    return f'<img {attributes} alt="{escape(alt)}" src="{address}">'
 
 
 def _again(identity: str, alt: str) -> str:

@@ -21,6 +21,7 @@ import numpy as np
 from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba
 from ..output.atlas import Atlas
+from ..output.images import bytes_of
 from ..output.montage import outdoors
 from ..render.visibility import trace
 from ..scene.arrays import device
@@ -84,7 +85,7 @@ def scene(r: Reconstruction, atlas: Atlas) -> Scene:
 def material(atlas: Atlas) -> np.ndarray:
     """(N, N, 3) uint8: specular albedo, 0 to 2; square root of alpha, 0 to 1; confidence."""
     channels = [atlas.specular_albedo / 2, np.sqrt(atlas.roughness), atlas.confidence / 255]
-    return np.rint(255 * np.clip(np.stack(channels, axis=2), 0, 1)).astype(np.uint8)
+    return bytes_of(np.dstack(channels))
 
 
 def _seen(r: Reconstruction, position: np.ndarray, normal: np.ndarray) -> np.ndarray:

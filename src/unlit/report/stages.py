@@ -14,10 +14,9 @@ from pathlib import Path
 
 from ..errors import OutputError
 from ..face.reconstruction import Reconstruction
-from ..output.images import encoded, normals
+from ..output.images import encoded, normals, webp
 from ..storage.arrays import DAMAGED
 from ..storage.folder import STAGES
-from .pictures import webp
 
 #: In order, for each state: its name, and WebP files by kind ("render", "albedo", "normals").
 Stages = list[tuple[str, dict[str, bytes]]]
