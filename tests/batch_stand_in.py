@@ -2,7 +2,8 @@
 
 `install` puts it in place of `unlit.pipeline.chain.reconstruct` and `unlit.output.save.save`;
 loaded by `dask worker --preload`, this file installs itself, told how by the environment. The
-photo's first pixel says what happens: red raises an error that is no user's, green ends the process.
+photo's first pixel says what happens: red raises an error that is no user's, green ends the
+process.
 """
 
 from __future__ import annotations

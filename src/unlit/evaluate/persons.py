@@ -44,15 +44,14 @@ def consistency(faces: list[Reconstruction]) -> dict[str, Any]:
     if seen.sum() < _FEWEST:
         raise FaceError("the photos have too little of the face in common; use nearer views")
     weight = np.mean(areas, axis=0)[seen]
-    pairs = []
-    for i, j in combinations(range(len(faces)), 2):
-        pairs.append(
-            {
-                "photos": [faces[i].photo.name, faces[j].photo.name],
-                "albedo_psnr": _alike(albedos[i][seen], albedos[j][seen], weight),
-                "photo_psnr": _alike(photos[i][seen], photos[j][seen], weight),
-            }
-        )
+    pairs = [
+        {
+            "photos": [faces[i].photo.name, faces[j].photo.name],
+            "albedo_psnr": _alike(albedos[i][seen], albedos[j][seen], weight),
+            "photo_psnr": _alike(photos[i][seen], photos[j][seen], weight),
+        }
+        for i, j in combinations(range(len(faces)), 2)
+    ]
     means = {
         name: float(np.mean([pair[name] for pair in pairs]))
         for name in ("albedo_psnr", "photo_psnr")

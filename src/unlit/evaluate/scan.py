@@ -135,13 +135,8 @@ class Scan:
             bsdf = self._materials[index]
             diffuse, specular, _, normal, _ = bsdf._surface(si, here)
             rows = here.numpy()
-            for place, values in (
-                (slice(0, 3), diffuse.numpy().T),
-                (slice(3, 4), specular.numpy()[:, None]),
-                (slice(4, 7), normal.numpy().T),
-                (slice(7, 10), si.p.numpy().T),
-            ):
-                out[rows, place] = values[rows]
+            diffuse, normal, place = (values.numpy().T for values in (diffuse, normal, si.p))
+            out[rows] = np.column_stack([diffuse, specular.numpy(), normal, place])[rows]
         share = seen.numpy().astype(np.float32)[:, None]
         sums = _blocks(np.concatenate([out, share], axis=1), fine.width)
         known = sums[..., -1:] > 0

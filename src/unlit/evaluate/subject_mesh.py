@@ -136,12 +136,8 @@ def _displaced(
     # Copies of one point across a cut of the texture must not part.
     count = np.bincount(smooth)
     value = (np.bincount(smooth, value) / np.maximum(count, 1))[smooth]
-    return (
-        vertices + normals * (given.scale * (value - given.middle))[:, None],
-        uv,
-        triangles,
-        smooth,
-    )
+    vertices = vertices + normals * (given.scale * (value - given.middle))[:, None]
+    return vertices, uv, triangles, smooth
 
 
 def _split(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
