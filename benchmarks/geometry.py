@@ -32,6 +32,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from subjects import SHARED, ict, lee_perry_smith, own
 
 # isort: split
@@ -198,7 +199,7 @@ def face(landmarks: np.ndarray, size: int) -> np.ndarray:
     """(S, S) bool: the face's oval without eyes, nostrils, inner mouth and a margin."""
     unit = size / 512
 
-    def filled(contour: tuple[int, ...]) -> np.ndarray:
+    def filled(contour: tuple[int, ...]) -> NDArray[np.uint8]:
         image = np.zeros((size, size), np.uint8)
         cv2.fillPoly(image, [np.round(landmarks[list(contour)]).astype(np.int32)], 1)
         return image

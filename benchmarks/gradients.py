@@ -179,7 +179,8 @@ class Case:
         backward(*maps, *light.shade(radiance))
         local = linearize(points, self.quadrature, self.bits, dr.detach(radiance).numpy())
         _, diffuse, specular, _ = self.normals(state["vertices"], state["perturbation"])
-        backward(*(dr.detach(m) for m in maps), *local.shade(diffuse, specular))
+        held_diffuse, held_specular = (dr.detach(m) for m in maps)
+        backward(held_diffuse, held_specular, *local.shade(diffuse, specular))
         return {name: dr.grad(value).numpy().astype(np.float64) for name, value in state.items()}
 
     def check(self, count: int) -> dict[str, Result]:
@@ -274,13 +275,13 @@ def albedo_beside_mitsuba(
         scene, None, mi.TensorXf(unit), sensor=scene.sensors()[0], seed=1, spp=samples
     )
     theirs = dr.grad(tensor).numpy().reshape(camera.height, camera.width, 3)[..., 0]
-    inside = ndimage.binary_erosion(ours > 0, iterations=5)
+    inside = np.asarray(ndimage.binary_erosion(ours > 0, iterations=5), bool)
     a, b = (ndimage.uniform_filter(x, 5)[inside] for x in (ours, theirs))
     return float(np.abs(a - b).mean() / b.mean()), float(a.mean() / b.mean() - 1)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--size", type=int, default=128, help="pixels on a side")
     parser.add_argument("--directions", type=int, default=8, help="random directions per parameter")
     parser.add_argument("--quick", action="store_true", help="64 pixels, 3 directions")

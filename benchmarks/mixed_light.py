@@ -44,12 +44,14 @@ SIZE = 256
 SETTINGS = replace(PRESETS["draft"], resolution=SIZE)
 WHITE = {name: light(name).environment for name in ("flash", "uniform")}
 _EXPOSURE = 0.8
+#: Colour of a lamp, linear sRGB; the cold one has it the other way round.
+_WARM = np.array([1.5, 1, 0.5], np.float32)
 
 
 def two_lamps() -> np.ndarray:
     """A warm lamp to one side, a cold one to the other, and a little even white: (180, 360, 3)."""
     warm, cold = (disc((side, 0.2, 0.56), 0.8, 20)[..., None] for side in (0.8, -0.8))
-    return warm * np.float32([1.5, 1, 0.5]) + cold * np.float32([0.5, 1, 1.5]) + np.float32(0.05)
+    return warm * _WARM + cold * _WARM[::-1] + np.float32(0.05)
 
 
 def sky(name: str) -> np.ndarray:

@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import time
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -89,7 +90,7 @@ class Head:
             self.camera, self.hits, self.mesh.vertices, self.mesh.normals, self.mesh.triangles
         )
 
-        def bent(image: np.ndarray) -> mi.Vector3f:
+        def bent(image: np.ndarray) -> Any:
             rows = np.ascontiguousarray(image.reshape(-1, 3)[self.pixel].T)
             return dr.normalize(normal + mi.Vector3f(rows))
 
@@ -107,7 +108,7 @@ class Head:
         hull = cv2.convexHull(np.round(seen).astype(np.int32))
         face = cv2.fillConvexPoly(np.zeros((size, size), np.uint8), hull, 1)
         inside = (facing.reshape(size, size) > 0.2) & (face > 0)
-        self.inside = ndimage.binary_erosion(inside, iterations=4)
+        self.inside = np.asarray(ndimage.binary_erosion(inside, iterations=4), bool)
 
     def render(self, maps: Maps, environment: np.ndarray, bounces: int) -> np.ndarray:
         cells = refine(grid_cells(), environment)
@@ -124,7 +125,7 @@ class Head:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--size", type=int, default=512, help="pixels on a side")
     parser.add_argument("--samples", type=int, default=512, help="reference, per pixel")
     parser.add_argument(
@@ -159,7 +160,7 @@ def main() -> None:
             ]
             end = time.perf_counter()
             a, b, first, second = (
-                ndimage.uniform_filter(x, (5, 5, 0))[head.inside].mean(axis=1)
+                ndimage.uniform_filter(x, 5, axes=(0, 1))[head.inside].mean(axis=1)
                 for x in (ours, (halves[0] + halves[1]) / 2, *halves)
             )
             error = np.abs(a - b)

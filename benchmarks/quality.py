@@ -91,7 +91,7 @@ def main() -> int:
     if "--geometry" in sys.argv[1:]:
         return geometry.main([x for x in sys.argv[1:] if x != "--geometry"])
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0], epilog="--geometry ...: see geometry.py --help"
+        description=(__doc__ or "").splitlines()[0], epilog="--geometry ...: see geometry.py --help"
     )
     parser.add_argument("--preset", choices=tuple(PRESETS), default="draft")
     parser.add_argument("--subjects", default="", help="comma-separated; default all there are")

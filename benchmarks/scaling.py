@@ -73,7 +73,7 @@ def command_row(size: int) -> tuple[float, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--sizes", default="256,512,1024,2048", help="pixels on a side")
     parser.add_argument("--cells", default="700,1000,2000", help="of the light, at 512 pixels")
     parser.add_argument("--threads", default="1,2", help="at 512 pixels")

@@ -115,7 +115,8 @@ def stages(
         ends[stage] = time.perf_counter()
 
     problem = Problem(observed(*head), settings, AlbedoGain(), progress)
-    begin, rows = time.perf_counter(), {"pixels": len(problem)}
+    rows: dict[str, Any] = {"pixels": len(problem)}
+    begin = time.perf_counter()
     with threadpool_limits(1, user_api="blas"):
         run_stages(problem, after)
     for name in TABLE_1:
@@ -187,7 +188,7 @@ def prb(
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--size", type=int, default=512, help="pixels on a side")
     parser.add_argument(
         "--share", type=float, default=0.1, help="of each stage's iterations to run"

@@ -139,4 +139,4 @@ def view(vertices: np.ndarray, triangles: np.ndarray, camera: Camera, maps: Maps
 
 def filtered(image: np.ndarray) -> np.ndarray:
     """5 x 5 box filter of (H, W) or (H, W, 3)."""
-    return ndimage.uniform_filter(image, (5, 5) + (0,) * (image.ndim - 2))
+    return ndimage.uniform_filter(image, 5, axes=(0, 1))

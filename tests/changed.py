@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 
 
-def changed(whole: T, parts: dict[str, object]) -> T:
+def changed(whole: T, parts: Mapping[str, object]) -> T:
     """`whole` with other values at dotted places, such as "face.maps.roughness"."""
     for place, value in parts.items():
         name, _, rest = place.partition(".")
         inner = changed(getattr(whole, name), {rest: value}) if rest else value
-        whole = replace(whole, **{name: inner})  # type: ignore[type-var]
+        whole = replace(whole, **{name: inner})
     return whole
 
 

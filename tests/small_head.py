@@ -65,9 +65,9 @@ def geometry() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     parts = [unit * (9 + 1.6 * nose)[:, None] * (0.85, 1.1, 1.0)]
     tables = [(triangles, uv, triangle_uv)]
     for x, chart in ((-2.8, (0.05, 0.05, 0.3, 0.25)), (2.8, (0.4, 0.05, 0.65, 0.25))):
-        ball, *table = grid_ball(13, 24, chart)
+        ball, triangles, uv, triangle_uv = grid_ball(13, 24, chart)
         parts.append(ball * 1.3 + (x, 2.0, 7.9))
-        tables.append(tuple(table))
+        tables.append((triangles, uv, triangle_uv))
     at, at_uv, all_triangles, all_uv, all_triangle_uv = 0, 0, [], [], []
     for part, (triangles, uv, triangle_uv) in zip(parts, tables, strict=True):
         all_triangles.append(triangles + at)

@@ -80,8 +80,8 @@ def test_damaged_files(sources: Path, tmp_path: Path, first: int, last: int) -> 
         assert one["end"] == "exit", one
         assert one["code"] in (1, 2), one
         assert "Traceback" not in one["text"], one
-        last = one["text"].splitlines()[-1]
-        assert last.startswith("unlit: error: "), one
-        assert len(last) < 600, one
+        message = one["text"].splitlines()[-1]
+        assert message.startswith("unlit: error: "), one
+        assert len(message) < 600, one
         assert not one["stray"], one
     print(Counter(damaged_files.READ in one["text"] for one in found))

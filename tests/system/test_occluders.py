@@ -118,7 +118,8 @@ def test_the_rest_of_the_skin_keeps_its_albedo(shared: Path, skin: str, spoil: A
     spoilt, where = spoil(image, whole.photo.landmarks[:, :2], subject.mask)
     face = reconstructed(spoilt, subject)
     inside = subject.mask & (whole.face.mask > 0.5) & (face.face.mask > 0.5)
-    inside &= (whole.photo.regions.eyes < 0.3) & ~ndimage.binary_dilation(where, iterations=4)
+    near = np.asarray(ndimage.binary_dilation(where, iterations=4), bool)
+    inside &= (whole.photo.regions.eyes < 0.3) & ~near
     before, after = (
         psnr(albedo * best_gain(albedo, true, inside), true, inside)
         for albedo in (whole.face.maps.diffuse_albedo, face.face.maps.diffuse_albedo)

@@ -69,7 +69,8 @@ def _explain(error: BaseException, options: argparse.Namespace) -> int:
             return _fail(f"{error.filename or 'the disk'}: no space left; free some", 1)
         case PermissionError():
             return _fail(f"{error.filename or 'a file'}: no permission; change its rights", 1)
-    raise error
+        case _:
+            raise error
 
 
 _LATER_SECONDS = 0.05

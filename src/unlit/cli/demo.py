@@ -35,6 +35,6 @@ def run(options: argparse.Namespace) -> int:
 
         from ..photo.photo import Photo
 
-        return Photo.of(astronaut(), "astronaut.png")
+        return Photo.of(astronaut(), "astronaut.png")  # pyright: ignore[reportUnknownArgumentType]
 
     return reconstruct_into(astronaut, options)

@@ -10,8 +10,10 @@ from .parser import command
 
 #: Kept here, too, so that the help does not wait for the renderer.
 EXPORTS = ("glb", "obj", "ply", "mitsuba", "blender")
-MAPS = ("diffuse_albedo", "specular_albedo", "roughness", "specular_normal", "diffuse_normal")
-MAPS += ("confidence",)
+MAPS = (
+    *("diffuse_albedo", "specular_albedo", "roughness"),
+    *("specular_normal", "diffuse_normal", "confidence"),
+)
 
 
 def add(commands: Any) -> None:

@@ -10,6 +10,7 @@ from typing import Any, get_args
 from ..errors import SettingsError
 from ..machine import cost
 from ..settings.conditions import CastShadowMode
+from ..settings.ranges import is_table
 from ..settings.settings import PRESETS, Settings, override
 
 #: Options whose text is the value of a setting.
@@ -123,7 +124,7 @@ def _config(path: Path) -> dict[str, Any]:
 
     values = read_toml(path, SettingsError)
     inner = values.get("settings", values)
-    if not isinstance(inner, dict):
+    if not is_table(inner):
         raise SettingsError(f"{path}: settings must be a table")
     return inner
 

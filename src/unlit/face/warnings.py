@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..color import UNCLIPPED, encode_srgb
 from .conditions import LightEstimate
@@ -74,9 +73,9 @@ def warnings(r: Reconstruction) -> tuple[str, ...]:
     return tuple(sentence for sentence in found if sentence)
 
 
-def _of_share(sentence: str, where: Any, least: float = _CLIPPED_SHARE) -> str:
+def _of_share(sentence: str, where: ArrayLike, least: float = _CLIPPED_SHARE) -> str:
     """`sentence` with the share of the face that `where` marks, if it is `least` or more."""
-    share = float(np.mean(where))
+    share = float(np.asarray(where).mean())
     return sentence.format(share) if share >= least else ""
 
 

@@ -97,7 +97,7 @@ def _matrix_profile(data: bytes, levels: int) -> Profile:
 
 def _tags(data: bytes) -> dict[bytes, bytes]:
     (count,) = struct.unpack_from(">I", data, 128)
-    tags = {}
+    tags: dict[bytes, bytes] = {}
     for i in range(min(count, 100)):
         name, offset, size = struct.unpack_from(">4sII", data, 132 + 12 * i)
         tags[name] = data[offset : offset + size]

@@ -208,22 +208,24 @@ def _is_heif(data: bytes) -> bool:
 
 
 def _decode_heif(data: bytes, path: Path) -> _Decoded:
-    file = pillow_heif.open_heif(data, convert_hdr_to_8bit=False)
-    _check_size(*file.size, path)
+    file: Any = pillow_heif.open_heif(data, convert_hdr_to_8bit=False)  # pyright: ignore[reportUnknownMemberType]
+    info: dict[str, Any] = file.info
+    width, height = file.size
+    _check_size(width, height, path)
     pixels = np.asarray(file)
     pixels = pixels[..., None] if pixels.ndim == 2 else pixels
     white = 255
     if pixels.dtype == np.uint16:
         # 10 and 12 bits arrive in the upper bits of 16.
-        spare = 16 - int(file.info.get("bit_depth", 16))
+        spare = 16 - int(info.get("bit_depth", 16))
         white = 0xFFFF >> spare << spare
     alpha = pixels[..., -1] if pixels.shape[-1] in (2, 4) else None
     exif = Image.Exif()
-    if file.info.get("exif"):
-        exif.load(file.info["exif"])
+    if info.get("exif"):
+        exif.load(info["exif"])
     # The turn is part of the format and has been applied; the EXIF entry only repeats it.
     colours = pixels[..., : 1 if pixels.shape[-1] < 3 else 3]
-    return _Decoded(colours, alpha, white, file.info.get("icc_profile"), exif, orientation=1)
+    return _Decoded(colours, alpha, white, info.get("icc_profile"), exif, orientation=1)
 
 
 def _decode(data: bytes, path: Path) -> _Decoded:
@@ -316,9 +318,8 @@ def _through_tables(pixels: np.ndarray, decoded: _Decoded) -> np.ndarray | None:
         pixels = (pixels * np.float32(255 / decoded.white) + 0.5).astype(np.uint8)
     try:
         source = ImageCms.ImageCmsProfile(io.BytesIO(decoded.icc or b""))
-        image = ImageCms.profileToProfile(
-            _pillow_image(pixels), source, ImageCms.createProfile("sRGB"), outputMode="RGB"
-        )
+        srgb = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB"))  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
+        image = ImageCms.profileToProfile(_pillow_image(pixels), source, srgb, outputMode="RGB")
     except (ImageCms.PyCMSError, OSError, ValueError):
         return None
     return np.asarray(image)

@@ -27,7 +27,7 @@ from ..head.model import HeadModel
 from ..head.sources.library import head_model, model_key
 from ..optimize.checkpoint import Checkpoint
 from ..optimize.run_record import RunRecord
-from ..optimize.solve import Keeper, solve
+from ..optimize.solve import Keeper, Solution, solve
 from ..perception.landmarks import DetectedFace
 from ..perception.mask import read_mask
 from ..photo.photo import Photo, read_photo
@@ -101,10 +101,12 @@ def run_chain(
     head = timed("fit", lambda: steps.fit_head(photo, settings))
     conditions = timed("conditions", lambda: steps.estimate_conditions(photo, head, settings))
 
-    show = preview and (
-        lambda stage, solution: preview(stage, assemble(photo, head, conditions, solution, run))
-    )
-    solution = solve(photo, head, conditions, settings, run, keeper, show)
+    def show(stage: str, solution: Solution) -> None:
+        if preview is not None:
+            preview(stage, assemble(photo, head, conditions, solution, run))
+
+    shown = None if preview is None else show
+    solution = solve(photo, head, conditions, settings, run, keeper, shown)
     run.begins("finish")
     return assemble(photo, head, conditions, solution, run)
 

@@ -23,8 +23,10 @@ _LEAST = 1e-3
 _LEAST_LIGHT = 1e-8
 #: Settings of the steps before the stages, which are not done again. What `cast_shadow` says of
 #: the result's shading goes with them.
-_KEPT = ("resolution", "head_model", "landmark_fit", "shading_fit", "light_color")
-_KEPT += ("light_color_estimate", "cast_shadow", "first_stage_iterations")
+_KEPT = (
+    *("resolution", "head_model", "landmark_fit", "shading_fit", "light_color"),
+    *("light_color_estimate", "cast_shadow", "first_stage_iterations"),
+)
 
 
 def check_resumable(result: Reconstruction, stage: int, settings: Settings) -> None:
@@ -56,7 +58,10 @@ def resume(
     settings = settings or result.settings
     check_resumable(result, stage, settings)
     steps = Steps(
-        lambda _: result.photo, lambda *_: result.head, lambda *_: result.conditions, kept=True
+        observe=lambda settings: result.photo,
+        fit_head=lambda photo, settings: result.head,
+        estimate_conditions=lambda photo, head, settings: result.conditions,
+        kept=True,
     )
     again = run_chain(steps, settings, RunRecord(progress), _Start(result, stage), preview)
     return replace(again, metrics=replace(again.metrics, continued_from_stage=stage))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeGuard, get_args, get_origin
 
 import msgspec
 from msgspec import Meta
@@ -23,6 +23,11 @@ def converted(value: Any, kind: Any) -> Any:
     if get_origin(kind) is tuple and isinstance(value, str):
         value = [part.strip() for part in value.split(",") if part.strip()]
     return msgspec.convert(value, kind, strict=False)
+
+
+def is_table(value: Any) -> TypeGuard[dict[str, Any]]:
+    """Whether it is a table of settings, not one value."""
+    return isinstance(value, dict)
 
 
 def expected(kind: Any) -> str:

@@ -9,17 +9,20 @@ from __future__ import annotations
 import difflib
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import partial
-from typing import Annotated, Any, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast, get_type_hints
 
 from msgspec import Meta, ValidationError
 
 from ..errors import SettingsError
 from .conditions import AUTO, CastShadow, KnownExposure, LightColorEstimate, LightColorRequest
 from .fit import LandmarkFit, ShadingFit
-from .ranges import Count, Positive, Share, Weight, converted, expected
+from .ranges import Count, Positive, Share, Weight, converted, expected, is_table
 from .table1 import TABLE_1, Stage
 
-Group = TypeVar("Group")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Group = TypeVar("Group", bound="DataclassInstance")
 Roughness = Annotated[float, Meta(ge=0.02, le=1)]
 Sharpness = Annotated[float, Meta(ge=1e-3, le=1e5)]
 
@@ -189,7 +192,7 @@ def _changed(group: Group, changes: dict[str, Any], prefix: str) -> Group:
             raise SettingsError(f"{full}: no such setting; {hint}known here: {', '.join(kinds)}")
         if is_dataclass(kind) and kind not in _REQUESTS:
             inner = {rest: value} if dot else value
-            if not isinstance(inner, dict):
+            if not is_table(inner):
                 example = fields(kind)[0].name
                 raise SettingsError(f"{full}: name one of its fields, e.g. {full}.{example}")
             new[first] = _changed(new.get(first, getattr(group, first)), inner, f"{prefix}{first}.")
@@ -197,7 +200,7 @@ def _changed(group: Group, changes: dict[str, Any], prefix: str) -> Group:
             raise SettingsError(f"{full}: {first} has no fields")
         else:
             new[first] = _value(full, value, kind)
-    return replace(group, **new)  # pyright: ignore[reportArgumentType]
+    return replace(group, **new)
 
 
 def _value(name: str, value: Any, kind: Any) -> Any:
@@ -230,13 +233,13 @@ def _plain(value: Any) -> Any:
         return value.text
     if is_dataclass(value):
         return as_dict(value)
-    return list(value) if isinstance(value, tuple) else value
+    return list(cast("tuple[Any, ...]", value)) if isinstance(value, tuple) else value
 
 
 def flat(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     """Nested plain settings by their dotted names."""
     found: dict[str, Any] = {}
     for name, value in settings.items():
-        inner = isinstance(value, dict)
-        found |= flat(value, f"{prefix}{name}.") if inner else {f"{prefix}{name}": value}
+        table = is_table(value)
+        found |= flat(value, f"{prefix}{name}.") if table else {f"{prefix}{name}": value}
     return found

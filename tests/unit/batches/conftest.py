@@ -25,7 +25,10 @@ def _client():
 
     with (
         LocalCluster(
-            n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None
+            n_workers=1,
+            threads_per_worker=2,
+            processes=False,
+            dashboard_address=None,  # pyright: ignore[reportArgumentType]
         ) as cluster,
         Client(cluster) as client,
     ):

@@ -140,5 +140,7 @@ def test_consistency(study: Study) -> None:
     assert found["albedo_psnr"] > found["photo_psnr"] + 3
     same = consistency([faces[0], faces[0]])
     assert same["albedo_psnr"] == same["photo_psnr"] == pytest.approx(120, abs=1)
-    louder = changed(faces[0], {"photo.image": faces[0].photo.image * np.float32([0.5, 0.6, 0.7])})
+    louder = changed(
+        faces[0], {"photo.image": faces[0].photo.image * np.array([0.5, 0.6, 0.7], np.float32)}
+    )
     assert consistency([faces[0], louder])["photo_psnr"] > 100

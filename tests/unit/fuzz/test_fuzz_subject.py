@@ -150,7 +150,7 @@ VALUES = st.sampled_from(
 @given(st.data())
 def test_fields_of_wrong_types(place, data):
     """Any right-hand side replaced by one of another kind."""
-    lines = (plates.MINIMAL + MAPS).splitlines()
+    lines: list[str] = [*(plates.MINIMAL + MAPS).splitlines()]
     for _ in range(data.draw(st.integers(1, 3))):
         at = data.draw(st.sampled_from([k for k, line in enumerate(lines) if " = " in line]))
         name = lines[at].split(" = ")[0]

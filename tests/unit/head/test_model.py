@@ -50,11 +50,11 @@ def test_round_trip(tmp_path):
 def test_vertices_are_linear():
     """S = S0 + B_id a + B_exp b, also for models without any component."""
     model = tiny()
-    got = model.vertices([0.5, -2], [0.25])
+    got = model.vertices(np.array([0.5, -2]), np.array([0.25]))
     want = model.neutral + 0.5 * model.identity[0] - 2 * model.identity[1]
     np.testing.assert_allclose(got, want + 0.25 * model.expression[0], rtol=1e-5)
     bare = tiny(identity=np.zeros((0, 4, 3), np.float32))
-    np.testing.assert_array_equal(bare.vertices([], [0]), model.neutral)
+    np.testing.assert_array_equal(bare.vertices(np.zeros(0), np.zeros(1)), model.neutral)
 
 
 def test_landmarks():
@@ -107,7 +107,8 @@ def test_missing_field_and_version_are_named(tmp_path):
     np.savez(tmp_path / "lacking.npz", **{k: v for k, v in arrays.items() if k != "uv"})
     with pytest.raises(ModelError, match=r"lacking.*'uv' is missing"):
         HeadModel.load(tmp_path / "lacking.npz")
-    np.savez(tmp_path / "newer.npz", **(arrays | {"version": np.asarray(99)}))
+    arrays["version"] = np.asarray(99)
+    np.savez(tmp_path / "newer.npz", **arrays)
     with pytest.raises(ModelError, match="version 99"):
         HeadModel.load(tmp_path / "newer.npz")
 

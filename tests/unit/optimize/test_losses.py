@@ -90,11 +90,12 @@ def test_quadratic_terms() -> None:
     a, b = RNG.standard_normal((2, 30, 3))
     weight = RNG.random(30)
     weight /= weight.sum()
-    points = [mi.Point2f(columns(x[:, :2])) for x in (a, b)]
+    first, second = (mi.Point2f(columns(x[:, :2])) for x in (a, b))
     expected = (weight * (((a - b)[:, :2] / 7) ** 2).sum(axis=1)).sum()
-    assert landmark_l2(*points, mi.Float(weight), 7.0).numpy() == pytest.approx(expected, rel=1e-4)
-    shapes = [mi.Point3f(columns(x)) for x in (a, b)]
+    found = landmark_l2(first, second, mi.Float(weight), 7.0).numpy()
+    assert found == pytest.approx(expected, rel=1e-4)
+    first, second = (mi.Point3f(columns(x)) for x in (a, b))
     expected = (((a - b) / 2) ** 2).sum(axis=1).mean()
-    assert shape_l2(*shapes, 2.0).numpy() == pytest.approx(expected, rel=1e-4)
+    assert shape_l2(first, second, 2.0).numpy() == pytest.approx(expected, rel=1e-4)
     expected = (a**2).sum(axis=1).mean()
     assert normal_l2(mi.Vector3f(columns(a))).numpy() == pytest.approx(expected, rel=1e-4)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import tiny_run
+from unlit.optimize.estimate import Estimate
 from unlit.optimize.run_record import RunRecord
 from unlit.optimize.shading import Shading
 from unlit.optimize.stage1_base_color import stage1
@@ -63,14 +64,19 @@ def stages() -> Stages:
     settings, record = chosen(), tiny_run.record()
     problem = tiny_run.problem(settings, record)
     shading = Shading(problem, grid_cells(settings.cell_rows, settings.cell_columns))
-    estimate = start(problem)
-    found = {"start": estimate.arrays()}
-    for number, stage in enumerate((stage1, stage2, stage3, stage4, stage5), 1):
-        if stage is stage3:
-            estimate, shading = stage3(problem, estimate, shading)
-        else:
-            estimate = stage(problem, estimate, shading)
-        found[f"stage{number}"] = estimate.arrays()
+    found: dict[str, dict[str, np.ndarray]] = {}
+
+    def kept(name: str, estimate: Estimate) -> Estimate:
+        found[name] = estimate.arrays()
+        return estimate
+
+    estimate = kept("start", start(problem))
+    estimate = kept("stage1", stage1(problem, estimate, shading))
+    estimate = kept("stage2", stage2(problem, estimate, shading))
+    estimate, shading = stage3(problem, estimate, shading)
+    kept("stage3", estimate)
+    estimate = kept("stage4", stage4(problem, estimate, shading))
+    kept("stage5", stage5(problem, estimate, shading))
     regions = problem.regions.max(axis=1) == 1
     colors = len(np.unique(np.round(found["stage1"]["log_diffuse"][regions], 5), axis=0))
     return Stages(found, record, colors)

@@ -60,8 +60,9 @@ class Seen:
         return n / np.linalg.norm(n, axis=1, keepdims=True)
 
 
-def shaded(albedo, gloss, rough, n_d, n_s, position) -> np.ndarray:
+def shaded(maps, n_d, n_s, position) -> np.ndarray:
     """(P, 3) under one directional light: enough to feel every map."""
+    albedo, gloss, rough = maps
     viewer = -position / np.linalg.norm(position, axis=1, keepdims=True)
 
     def vector(rows: np.ndarray):
@@ -103,8 +104,8 @@ def test_round_trip(r, atlas):
     ]
     baked = [seen.look(x) for x in (atlas.diffuse_albedo, atlas.specular_albedo, atlas.roughness)]
     m_d, m_s = seen.world(atlas.diffuse_normal), seen.world(atlas.specular_normal)
-    before = shaded(*given, n_d, n_s, seen.position)[inside]
-    after = shaded(*baked, m_d, m_s, seen.position)[inside]
+    before = shaded(given, n_d, n_s, seen.position)[inside]
+    after = shaded(baked, m_d, m_s, seen.position)[inside]
     assert psnr(before, after) > 40
     angle = np.degrees(np.arccos(np.clip((n_s * m_s).sum(axis=1), -1, 1)))[inside]
     assert np.percentile(angle, 95) < 1

@@ -1,5 +1,6 @@
 """`unlit export`: the files it promises, in a folder of its own."""
 
+import importlib
 import inspect
 import json
 import os
@@ -156,8 +157,9 @@ def test_only_maps(r, everything, tmp_path, capsys):
 def test_usd(r, tmp_path):
     """Read back by Pixar's own library: metres, y up, textures bound to every face."""
     pytest.importorskip("pxr")
-    from pxr import Usd, UsdGeom, UsdShade
-
+    Usd, UsdGeom, UsdShade = map(
+        importlib.import_module, ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdShade")
+    )
     folder = export(r, tmp_path / "usd", tmp_path, ["usd"], 512)
     stage = Usd.Stage.Open(str(folder / "face.usda"))
     assert UsdGeom.GetStageMetersPerUnit(stage) == 1

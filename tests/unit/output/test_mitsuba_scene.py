@@ -44,8 +44,8 @@ def filtered_difference(a: np.ndarray, b: np.ndarray, inside: np.ndarray) -> flo
     """PSNR after a 5 x 5 box filter, which takes most of the noise off both."""
     from scipy.ndimage import binary_erosion, uniform_filter
 
-    inner = binary_erosion(inside, iterations=3)
-    a, b = (uniform_filter(encode_srgb(np.clip(x, 0, 1)), (5, 5, 0)) for x in (a, b))
+    inner = np.asarray(binary_erosion(inside, iterations=3), bool)
+    a, b = (uniform_filter(encode_srgb(np.clip(x, 0, 1)), 5, axes=(0, 1)) for x in (a, b))
     return float(-10 * np.log10(((a - b)[inner] ** 2).mean()))
 
 

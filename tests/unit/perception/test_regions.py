@@ -157,8 +157,8 @@ def test_dark_line_across_the_bridge_is_glasses(astronaut: Subject, regions: Reg
     frame = np.zeros((512, 512), np.uint8)
     for centre in eyes:
         cv2.circle(frame, tuple(int(v) for v in centre), 38, 1, 4)
-    inner = [eyes[0] + (38, 0), eyes[1] - (38, 0)]
-    cv2.line(frame, *(tuple(int(v) for v in end) for end in inner), 1, 4)
+    left, right = ((int(x), int(y)) for x, y in (eyes[0] + (38, 0), eyes[1] - (38, 0)))
+    cv2.line(frame, left, right, 1, 4)
     image[frame > 0] = 0.01
     found = segment(image, astronaut.landmarks, astronaut.blendshapes)
     on_skin = (frame > 0) & (regions.skin > 0.9)

@@ -104,7 +104,8 @@ def test_warnings_do_not_depend_on_it(white, coloured):
 )
 def test_what_the_photo_cannot_tell_is_refused_before_the_fit(monkeypatch, said, message):
     """Pixels outside the picture or beside the face, and lux without EXIF."""
-    seen, model = tiny_run.photo(), object()
+    model: Any = object()
+    seen = tiny_run.photo()
     monkeypatch.setattr("unlit.pipeline.chain.observe", lambda *_, **__: seen)
     monkeypatch.setattr("unlit.pipeline.chain.fit_head", lambda *_: pytest.fail("it was fitted"))
     with pytest.raises(SettingsError, match=message):

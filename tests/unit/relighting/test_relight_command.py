@@ -79,13 +79,13 @@ def test_over_photo(saved: Saved, tmp_path: Path, ending: str) -> None:
     (scale, _, x0), (_, _, y0) = saved.face.photo.crop.matrix
     place = np.array([ys * scale + y0 - 0.5, xs * scale + x0 - 0.5])
     reach = ndimage.maximum_filter(saved.face.face.mask, 3) > 0
-    outside = ~ndimage.map_coordinates(reach, place, order=0, cval=False)
+    outside = ndimage.map_coordinates(reach, place, order=0, cval=False) == 0
     assert 0.5 < outside.mean() < 0.95
     np.testing.assert_array_equal(picture[outside], original[outside])
-    face = ndimage.binary_fill_holes(saved.face.face.mask > 0)
+    face = np.asarray(ndimage.binary_fill_holes(saved.face.face.mask > 0))
     deep = ndimage.distance_transform_edt(face) > 0.11 * np.sqrt(face.sum()) + 2  # past the fade
     full = (ndimage.minimum_filter(saved.face.face.mask, 3) == 1) & deep
-    inside = ndimage.map_coordinates(full, place, order=0, cval=False)
+    inside = ndimage.map_coordinates(full, place, order=0, cval=False) == 1
     relit = read_picture(plain)
     channels = [ndimage.map_coordinates(relit[..., c], place, order=1) for c in range(3)]
     wanted = np.stack(channels, axis=-1)[inside]

@@ -49,6 +49,7 @@ def test_view_prints_its_address_serves_and_ends_with_ctrl_c(tmp_path):
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as run:
+        assert run.stdout and run.stderr
         address = run.stdout.readline().strip()
         with urllib.request.urlopen(address, timeout=10) as answer:
             assert answer.read() == b"here it is"

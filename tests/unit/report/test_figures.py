@@ -11,7 +11,7 @@ from unlit.report.figures import loss_chart
 def test_equal_factors_are_equal_heights():
     """1, 0.1 and 0.01 lie at equal distances; the axis starts and ends at the curve's ends."""
     root = ET.fromstring(loss_chart("stage1", [(0, 1.0), (10, 0.1), (20, 0.01)]))
-    line = next(part for part in root if part.get("class") == "curve").get("points")
+    line = next(part.attrib["points"] for part in root if part.get("class") == "curve")
     xs, ys = zip(*(map(float, point.split(",")) for point in line.split()), strict=True)
     assert ys[1] - ys[0] == pytest.approx(ys[2] - ys[1], abs=0.11) and ys[0] < ys[2]
     assert xs[1] - xs[0] == pytest.approx(xs[2] - xs[1], abs=0.11)

@@ -27,13 +27,13 @@ class Parsed(HTMLParser):
 
     def __init__(self, text: str) -> None:
         super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.tags: list[tuple[str, dict[str, str]]] = []
         self.texts: list[tuple[str, str]] = []
         self.open: list[str] = []
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
+        self.tags.append((tag, {name: value or "" for name, value in attrs}))
         self.open.append(tag)
 
     def handle_endtag(self, tag):
@@ -45,6 +45,13 @@ class Parsed(HTMLParser):
 
     def ids(self) -> list[str]:
         return [attributes["id"] for _, attributes in self.tags if "id" in attributes]
+
+
+def matched(pattern: str, text: str) -> str:
+    """The first group of the pattern's first place in the text."""
+    match = re.search(pattern, text, re.S)
+    assert match, pattern
+    return match[1]
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +94,7 @@ def test_a_script_cannot_end_early(text):
 def test_names_and_settings_are_text_and_come_back(text, face):
     assert "<b>" not in text.split("</head>")[1].split("<script")[0]
     assert "grüße &lt;b&gt;&amp;.jpg" in text
-    settings = re.search(r'aria-label="Settings">(.*?)</pre>', text, re.S)[1]
+    settings = matched(r'aria-label="Settings">(.*?)</pre>', text)
     assert tomllib.loads(unescape(settings)) == as_dict(face.settings)
 
 
@@ -116,7 +123,7 @@ def test_ids_are_unique_and_links_lead_somewhere(text):
 
 def test_the_atlas_is_exact(text, atlas):
     """The viewer computes with these pixels."""
-    source = re.search(r'id="atlas-specular-normal" alt="" src="([^"]*)"', text)[1]
+    source = matched(r'id="atlas-specular-normal" alt="" src="([^"]*)"', text)
     pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(source.partition("base64,")[2]))))
     assert np.abs(pixels / 127.5 - 1 - atlas.specular_normal).max() < 0.5 / 127
 

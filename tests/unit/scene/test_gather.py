@@ -33,11 +33,10 @@ def test_adjoint_of_several_sources() -> None:
     sources = [device(mi.Point3f, RNG.normal(size=(5, 3))) for _ in range(2)]
     dr.enable_grad(sources)
     weights = RNG.normal(size=(2, 3, 4, 3))
-    loss = sum(
-        dr.sum(dr.dot(corner, device(mi.Vector3f, weights[s, k])))
-        for s, picked in enumerate(corners(*sources))
-        for k, corner in enumerate(picked)
-    )
+    loss = mi.Float(0)
+    for s, picked in enumerate(corners(*sources)):
+        for k, corner in enumerate(picked):
+            loss += dr.sum(dr.dot(corner, device(mi.Vector3f, weights[s, k])))
     dr.backward(loss)
     for s in range(2):
         plain = np.zeros((5, 3))

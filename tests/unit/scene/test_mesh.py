@@ -1,5 +1,7 @@
 """The mesh, its normals, and what the camera sees of it."""
 
+from typing import Any
+
 import drjit as dr
 import numpy as np
 import pytest
@@ -100,7 +102,7 @@ def test_smooth_normal_differentiates_with_the_vertices(head: Mesh) -> None:
     rng = np.random.default_rng(0)
     weight = mi.Vector3f(rng.standard_normal((3, dr.width(hits.pixel))).astype(np.float32))
 
-    def loss(vertices: object) -> object:
+    def loss(vertices: Any) -> Any:
         normals = vertex_normals(vertices, head.corners)
         _, normal, _ = surface(view, hits, vertices, normals, head.triangles)
         return dr.sum(dr.dot(weight, normal))

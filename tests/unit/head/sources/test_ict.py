@@ -47,7 +47,9 @@ def repository(tmp_path: Path, neutral: np.ndarray, monkeypatch: pytest.MonkeyPa
     for k, name in enumerate(ACTIONS):
         (folder / f"{name}.obj").write_text(obj(neutral + np.array([0, 0.1 * (k + 1), 0])))
     (folder / "vertex_indices.json").write_text(json.dumps({"expressions": ACTIONS}))
-    points = SurfacePoints(np.zeros(478, np.int32), np.tile(np.float32([1, 0, 0]), (478, 1)))
+    points = SurfacePoints(
+        np.zeros(478, np.int32), np.tile(np.array([1, 0, 0], np.float32), (478, 1))
+    )
     monkeypatch.setattr(ict, "_VERTICES", 12)
     monkeypatch.setattr(ict, "_IDENTITIES", 2)
     monkeypatch.setattr(ict, "_PARTS", PARTS)
