@@ -21,7 +21,7 @@ _MAX_TRIANGLES = 20_000_000
 def read_subject(file: Path, size: int) -> Scan:
     """The subject that `file` describes, on a film of `size` x `size` pixels.
 
-    file: a subject.toml, or the folder that holds one. Raises SubjectError.
+    file: a subject.toml, or the folder that holds one. Raises SubjectError or PictureError.
     """
     found = read_subject_file(file)
     parts = tuple(_part(mesh, found.object_to_world, found.unit) for mesh in found.mesh)

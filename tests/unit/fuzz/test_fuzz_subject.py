@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import plates
 from corrupt import damaged
-from unlit.errors import SubjectError
+from unlit.errors import PictureError, SubjectError
 from unlit.evaluate.subject_file import files_of
 from unlit.evaluate.subject_mesh import read_subject
 from unlit.storage.meshes import read_mesh
@@ -124,7 +124,7 @@ def check_subject(file: Path) -> None:
     for read in (lambda: read_subject(file, 32), lambda: files_of(file)):
         try:
             read()
-        except SubjectError as error:
+        except (SubjectError, PictureError) as error:
             assert "\n" not in str(error)
 
 
