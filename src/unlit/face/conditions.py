@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..color import WHITE, is_white
+from ..scene.short_repr import short_repr
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,8 @@ class Conditions:
     light_color: np.ndarray = field(default_factory=WHITE.copy)
     light_estimate: LightEstimate | None = None
     visibility: np.ndarray | None = None
+
+    __repr__ = short_repr
 
     def balanced(self, image: np.ndarray) -> np.ndarray:
         """`image` (S, S, 3), linear sRGB, as it would be under white light."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..scene.camera import Camera
 from ..scene.maps import Maps
+from ..scene.short_repr import short_repr
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,8 @@ class PosedMesh:
     uv: np.ndarray
     triangle_uv: np.ndarray
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True)
 class Normals:
@@ -33,6 +36,8 @@ class Normals:
 
     specular: np.ndarray
     diffuse: np.ndarray
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True)
@@ -47,3 +52,5 @@ class Face:
     maps: Maps
     normals: Normals
     mask: np.ndarray
+
+    __repr__ = short_repr

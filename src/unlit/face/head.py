@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..scene.short_repr import short_repr
 from ..scene.surface_points import SurfacePoints
 from .face import PosedMesh
 
@@ -25,6 +26,8 @@ class FittedHead:
     landmark_points: SurfacePoints
     landmark_residual: float | None = None
     model: str | None = None
+
+    __repr__ = short_repr
 
     @staticmethod
     def of_mesh(vertices: np.ndarray, triangles: np.ndarray, landmarks: np.ndarray) -> FittedHead:

@@ -9,6 +9,7 @@ import numpy as np
 from ..perception.regions import Regions
 from ..photo.crop import Crop
 from ..scene.camera import Camera
+from ..scene.short_repr import short_repr
 
 
 @dataclass(frozen=True)
@@ -29,3 +30,5 @@ class FacePhoto:
     regions: Regions
     landmarks: np.ndarray
     white_luminance: float | None = None
+
+    __repr__ = short_repr

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scene.light import SphericalGaussians
+from ..scene.short_repr import short_repr
 from ..settings.settings import Settings
 from .conditions import Conditions
 from .face import Face
@@ -26,6 +27,8 @@ class Images:
     specular_shading: np.ndarray
     render: np.ndarray
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True)
 class Metrics:
@@ -40,6 +43,8 @@ class Metrics:
     peak_memory_mb: float
     warnings: tuple[str, ...] = ()
     continued_from_stage: int | None = None
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..color import is_white
+from .short_repr import short_repr
 
 #: The environment map's size (rows, columns), and the lobes' starting grid (paper, section 2.3).
 RASTER = (180, 360)
@@ -52,6 +53,8 @@ class SphericalGaussians:
     sharpness: np.ndarray
     amplitude: np.ndarray
     color: np.ndarray = field(default_factory=lambda: np.ones(3, dtype=np.float32))
+
+    __repr__ = short_repr
 
     def radiance(self, directions: np.ndarray) -> np.ndarray:
         """Radiance from unit `directions` (..., 3), float32: (...,), or (..., 3) if not white."""

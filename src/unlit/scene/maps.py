@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
+from .short_repr import short_repr
+
 #: Standard deviation, in pixels, of the Gaussian that turns the specular normal's perturbation
 #: into the diffuse normal's (paper, section 3.4).
 DIFFUSE_BLUR = 1.0
@@ -32,6 +34,8 @@ class Maps:
     specular_albedo: np.ndarray
     roughness: np.ndarray
     perturbation: np.ndarray
+
+    __repr__ = short_repr
 
     def diffuse_perturbation(self) -> np.ndarray:
         """The perturbation of the diffuse normal, (H, W, 3): the specular one, blurred."""
