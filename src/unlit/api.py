@@ -19,6 +19,7 @@ from .output.export import export as export_files
 from .output.load import load as load_reconstruction
 from .output.montage import montage, montage_png
 from .output.save import save as save_files
+from .perception.landmarks import check_choice
 from .pipeline import chain
 from .pipeline import resume as resuming
 from .progress.callbacks import silent
@@ -209,7 +210,7 @@ def batch(
 
     photos: files. face: as for `reconstruct`, or "all". scheduler: address of a Dask scheduler.
     What is done already is not done again. Returns a row for each face: photo, folder, warnings,
-    error, figures. Raises OutputError or MachineError.
+    error, figures. Raises FaceError, SettingsError, OutputError or MachineError.
 
     >>> unlit.batch([], folder / "many")
     []
@@ -220,6 +221,8 @@ def batch(
     from .batches.run import Counts, run_batch
 
     chosen = override(_preset(preset), dict(settings or {}))
+    if face != "all":
+        check_choice(face)
     files = [Path(photo).resolve() for photo in photos]
 
     def watch(counts: Counts, rows: list[Any]) -> None:

@@ -68,6 +68,8 @@ def test_a_result_shows_itself(shared_names: dict[str, object], tmp_path: Path) 
         (lambda: unlit.reconstruct("a.jpg", "papper"), "preset='papper': choose paper or draft"),
         (lambda: unlit.reconstruct("a.jpg", settings={"stage9": 1}), "stage9"),
         (lambda: unlit.reconstruct("no-such.jpg", progress=False), "no-such.jpg"),
+        (lambda: unlit.reconstruct("no.jpg", face="leftmost", progress=False), "face='leftmost': "),
+        (lambda: unlit.batch(["no.jpg"], "no", face="leftmost"), "face='leftmost': choose only"),
         (lambda: unlit.load("no-such-folder"), "no-such-folder"),
         (lambda: unlit.resume("no-such-folder", 4), "no-such-folder"),
         (lambda: unlit.reconstruct("a.jpg", model="no-such-head", progress=False), "a.jpg|head"),

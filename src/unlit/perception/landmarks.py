@@ -29,6 +29,7 @@ _MARGIN = 1.5  # region of interest over the face box: what the network was trai
 _REFINEMENTS = 2
 # Tried in turn where the eye line of the detector leads to no face: it is poor at large rolls.
 _TURNS = np.radians([0, -30, 30, -60, 60])
+_CHOICES = ("only", "largest", "left", "right")
 
 
 @dataclass(frozen=True)
@@ -73,8 +74,16 @@ def find_faces(rgb: np.ndarray) -> list[DetectedFace]:
     return sorted(faces, key=_area, reverse=True)
 
 
+def check_choice(which: str | int) -> None:
+    """Raise FaceError for a name or number that no photo has a face for."""
+    if which not in _CHOICES if isinstance(which, str) else which < 0:
+        known = ", ".join(_CHOICES)
+        raise FaceError(f"face={which!r}: choose {known}, or a number, 0 the largest", "face")
+
+
 def choose(faces: list[DetectedFace], which: str | int, source: str) -> DetectedFace:
     """The face that was asked for. Raises FaceError naming the photo and the remedy."""
+    check_choice(which)
     if not faces:
         raise FaceError(
             f"{source}: no face found; use a photo in which the face is upright, in focus and at "

@@ -28,7 +28,7 @@ from ..head.sources.library import head_model, model_key
 from ..optimize.checkpoint import Checkpoint
 from ..optimize.run_record import RunRecord
 from ..optimize.solve import Keeper, Solution, solve
-from ..perception.landmarks import DetectedFace
+from ..perception.landmarks import DetectedFace, check_choice
 from ..perception.mask import read_mask
 from ..photo.photo import Photo, read_photo
 from ..progress.callbacks import StageProgress, silent
@@ -136,6 +136,8 @@ def reconstruct(
 
     Raises PhotoError, FaceError, ModelError, SettingsError, OutputError or MachineError.
     """
+    if not isinstance(face, DetectedFace):
+        check_choice(face)
     run = RunRecord(progress)
     run.begins("photo")
     loaded = _as_photo(photo)

@@ -5,7 +5,7 @@ import pytest
 
 from unlit.cli import main
 from unlit.errors import FaceError
-from unlit.perception.landmarks import DetectedFace, choose
+from unlit.perception.landmarks import DetectedFace, check_choice, choose
 
 
 def face(left: float, size: float) -> DetectedFace:
@@ -24,12 +24,20 @@ def test_choice(which: str | int, number: int) -> None:
     assert choose(FACES[:1], "only", "a.jpg") is FACES[0]
 
 
+@pytest.mark.parametrize("which", ["leftmost", "all", "0", -1])
+def test_names_that_no_photo_has(which: str | int) -> None:
+    """They are refused whatever was found, with what exists."""
+    with pytest.raises(FaceError, match=f"face={which!r}: choose only, largest, left, right, or"):
+        check_choice(which)
+    with pytest.raises(FaceError, match="choose only"):
+        choose(FACES, which, "a.jpg")
+
+
 @pytest.mark.parametrize(
     ("which", "reason"),
     [
         ("only", "4 faces found; choose the face largest, left, right or N"),
         (4, "no face 4; 4 found: use largest, left, right or 0 to 3"),
-        ("middle", "no face 'middle'"),
     ],
 )
 def test_no_choice(which: str | int, reason: str) -> None:
