@@ -1,8 +1,9 @@
 """What a reconstruction will take of a machine, said before it starts: memory and time.
 
-Both grow with the pixels of the crop. The numbers are those of benchmarks/scaling.py on two cores
-of a server (docs/method.md, "Speed and memory"); another machine is faster or slower by a factor,
-and the progress bar measures it.
+Both grow with the pixels of the crop. The memory and the pace of the stages are those of
+benchmarks/scaling.py on two cores of a server, the rest is what whole commands took there
+(docs/method.md, "Speed and memory"); another machine is faster or slower by a factor, and the
+progress bar measures it.
 """
 
 from __future__ import annotations
@@ -17,16 +18,17 @@ _MEMORY, _MEMORY_PER_PIXEL = 0.86e9, 480.0
 #: Milliseconds of an iteration, and more for each million pixels of the crop, on two cores.
 #: Then the share of what else there is, which is taken by its set-up and preview.
 _PACE = {
-    "stage1": (7.0, 6.0, 0.13),
-    "stage2": (9.0, 29.0, 0.13),
-    "stage3": (17.0, 105.0, 0.16),
-    "stage4": (1.0, 85.0, 0.04),
-    "stage5": (1.0, 72.0, 0.05),
+    "stage1": (8.5, 5.0, 0.14),
+    "stage2": (10.0, 27.0, 0.15),
+    "stage3": (24.0, 95.0, 0.24),
+    "stage4": (1.0, 85.0, 0.03),
+    "stage5": (1.0, 72.0, 0.04),
 }
 _CORES = 2
 #: Seconds of everything but the iterations, and more for each million pixels; who else takes them.
-_REST, _REST_PER_MEGAPIXEL = 24.0, 25.0
-_BEFORE, _AFTER = {"photo": 0.01, "perception": 0.02, "fit": 0.15}, {"finish": 0.31}
+_REST, _REST_PER_MEGAPIXEL = 40.0, 30.0
+_BEFORE = {"photo": 0.01, "perception": 0.01, "fit": 0.07, "conditions": 0.10}
+_AFTER = {"finish": 0.21}
 
 _UNITS = {"GB": 1e9, "GIB": 2.0**30, "MB": 1e6, "MIB": 2.0**20}
 

@@ -5,6 +5,7 @@ import pytest
 from unlit.cli import main
 from unlit.errors import SettingsError
 from unlit.machine.cost import check_memory, memory, plan, read_size
+from unlit.settings.settings import PRESETS
 
 
 @pytest.mark.parametrize(("text", "size"), [("4GB", 4e9), (" 900 mb", 9e8), ("2GiB", 2**31)])
@@ -47,12 +48,20 @@ def test_seconds_grow() -> None:
 def test_plan() -> None:
     """Every step in order; stages that are not run again take nothing."""
     whole = {f"stage{k}": 100 for k in range(1, 6)}
-    steps = ["photo", "perception", "fit", *whole, "finish"]
+    steps = ["photo", "perception", "fit", "conditions", *whole, "finish"]
     assert list(plan(512, whole, 2)) == steps
     rest = plan(512, {"stage4": 100, "stage5": 100}, 2)
     assert list(rest) == [step for step in steps if step not in ("stage1", "stage2", "stage3")]
     none = plan(512, dict.fromkeys(whole, 0), 2)
-    assert sum(none.values()) == pytest.approx(24 + 25 * 0.512**2)
+    assert sum(none.values()) == pytest.approx(40 + 30 * 0.512**2)
+
+
+@pytest.mark.parametrize(("preset", "seconds"), [("paper", 145), ("draft", 44), ("draft", 62)])
+def test_presets_take_what_was_measured(preset: str, seconds: float) -> None:
+    """To 25 %: whole commands on two cores, quiet and, `draft`, with other work beside it."""
+    settings = PRESETS[preset]
+    expected = sum(plan(settings.resolution, settings.iterations(), 2).values())
+    assert expected == pytest.approx(seconds, rel=0.25)
 
 
 def test_memory_option_is_checked_before_anything_runs(capsys: pytest.CaptureFixture[str]) -> None:
