@@ -54,9 +54,9 @@ class Result(Reconstruction):
     def _relighter(self) -> Relighter:
         return Relighter(self.face)
 
-    def save(self, folder: str | Path) -> None:
+    def save(self, folder: str | Path, *, progress: bool = True) -> None:
         """See `unlit.save`."""
-        save(self, folder)
+        save(self, folder, progress=progress)
 
     def show(self) -> None:
         """Show the montage: in the notebook, else in the system's picture viewer."""
@@ -151,14 +151,15 @@ def relight(result: Reconstruction, light: AnyLight) -> np.ndarray:
     return Relighter(result.face)(_environment(result, light))
 
 
-def save(result: Reconstruction, folder: str | Path) -> None:
+def save(result: Reconstruction, folder: str | Path, *, progress: bool = True) -> None:
     """Write maps, mesh, light, previews and the montage into `folder`, whole or not at all.
 
     Raises OutputError when it cannot be written, or holds somebody else's files.
 
-    >>> unlit.save(result, folder)
+    >>> unlit.save(result, folder, progress=False)
     """
-    save_files(result, folder)
+    with StepConsole() if progress else nullcontext(silent) as report:
+        save_files(result, folder, progress=report)
 
 
 def load(folder: str | Path) -> Result:

@@ -61,9 +61,12 @@ def run_montage(options: argparse.Namespace) -> int:
 
 
 def run_report(options: argparse.Namespace) -> int:
+    from ..progress.console import StepConsole
     from ..report.page import write_report
 
-    print(write_report(options.folder))
+    with StepConsole() as progress:
+        path = write_report(options.folder, progress)
+    print(path)
     return 0
 
 
@@ -71,12 +74,14 @@ def run_view(options: argparse.Namespace) -> int:
     import contextlib
     import webbrowser
 
+    from ..progress.console import StepConsole
     from ..report.page import REPORT, write_report
     from ..report.server import ReportServer
 
     folder = Path(options.folder)
     if not (folder / REPORT).is_file():
-        write_report(folder)
+        with StepConsole() as progress:
+            write_report(folder, progress)
     with ReportServer(folder, options.port) as server:
         print(server.address, flush=True)
         if not options.no_browser:

@@ -45,6 +45,8 @@ class ExportJob:
 
 #: By file name: what makes its content.
 Contents = dict[str, Callable[[], bytes]]
+#: By file name: what writes it to the path it is given.
+Writers = dict[str, Callable[[Path], object]]
 
 
 def export(
@@ -91,16 +93,33 @@ def export(
             contents |= FORMATS[name](job)
     text = _mark(job, [] if only_maps else sorted(formats), size, contents)
     contents[MARK] = text.encode
-    steps = len(contents) + 1
+    writers = told(writers_of(contents), progress)
+    write_all(folder, writers, MARK, MARK_TEXT, _listed(folder / MARK))
+    progress("done", len(writers) + 1, len(writers) + 1)
+    return folder
+
+
+def writers_of(contents: Contents) -> Writers:
+    """What writes the contents to the path it is given."""
+
+    def write(content: Callable[[], bytes], path: Path) -> None:
+        path.write_bytes(content())
+
+    return {name: partial(write, content) for name, content in contents.items()}
+
+
+def told(writers: Writers, progress: StepProgress) -> Writers:
+    """The same writers, which tell `progress` their file when its turn comes.
+
+    They are all steps but the first, the atlas.
+    """
+    steps = len(writers) + 1
 
     def write(number: int, name: str, path: Path) -> None:
         progress(f"writing {name}", number, steps)
-        path.write_bytes(contents[name]())
+        writers[name](path)
 
-    writers = {name: partial(write, 1 + n, name) for n, name in enumerate(contents)}
-    write_all(folder, writers, MARK, MARK_TEXT, _listed(folder / MARK))
-    progress("done", steps, steps)
-    return folder
+    return {name: partial(write, 1 + n, name) for n, name in enumerate(writers)}
 
 
 def _mark(job: ExportJob, formats: list[str], size: int, files: Iterable[str]) -> str:

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..face.reconstruction import Reconstruction
+from ..progress.callbacks import StepProgress, silent
 from ..storage.folder import CHECKPOINT, MARK, REPORT, STAGES, write_all
 from .arrays import write_arrays
-from .export import FORMATS, Contents, ExportJob
+from .export import FORMATS, Contents, ExportJob, told, writers_of
 from .images import MAPS, exr, png
 from .metrics import metrics_json
 from .montage import montage_png
@@ -67,6 +68,7 @@ def save(
     folder: str | Path,
     log: str = "",
     pages: Mapping[str, Callable[[Atlas], bytes]] | None = None,
+    progress: StepProgress = silent,
 ) -> None:
     """Write all files of `reconstruction` into `folder`, or none; an older result is replaced.
 
@@ -79,6 +81,7 @@ def save(
     from .atlas import bake
 
     r = reconstruction
+    progress("baking the atlas", 0, 2)
     atlas = bake(r, ATLAS_SIZE)
     texts = {
         "light.json": _json(_light(r)),
@@ -96,15 +99,11 @@ def save(
     contents |= {name: text.encode for name, text in texts.items()}
     assert {*contents, _ARRAYS} == FILES.keys()
     contents |= {name: partial(page, atlas) for name, page in (pages or {}).items()}
-    writers = {name: partial(_write, content) for name, content in contents.items()}
-    writers[_ARRAYS] = partial(write_arrays, r)
-    write_all(Path(folder), writers, obsolete=(REPORT, STAGES))
+    writers = {**writers_of(contents), _ARRAYS: partial(write_arrays, r)}
+    write_all(Path(folder), told(writers, progress), obsolete=(REPORT, STAGES))
     with contextlib.suppress(OSError):
         (Path(folder) / CHECKPOINT).unlink(missing_ok=True)
-
-
-def _write(content: Callable[[], bytes], path: Path) -> None:
-    path.write_bytes(content())
+    progress("done", len(writers) + 1, len(writers) + 1)
 
 
 def _camera(r: Reconstruction) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from ..face.gain import peak_luminance
 from ..face.reconstruction import Reconstruction
 from ..output.atlas import Atlas, bake
 from ..output.load import load
+from ..progress.callbacks import StepProgress, silent
 from ..settings.conditions import AUTO
 from ..settings.settings import as_dict
 from ..storage.folder import REPORT, write_one
@@ -30,7 +31,7 @@ from .stages import Stages, read_stages
 _ATLAS = 1024
 
 
-def write_report(folder: str | Path) -> Path:
+def write_report(folder: str | Path, progress: StepProgress = silent) -> Path:
     """Write report.html of the result saved in `folder`, and return its path.
 
     Raises OutputError where the folder is no result or cannot be written.
@@ -39,7 +40,11 @@ def write_report(folder: str | Path) -> Path:
     stages = read_stages(folder)
     result = load(folder)
     path = folder / REPORT
-    write_one(path, report_html(result, bake(result, _ATLAS), stages).encode())
+    progress("baking the atlas", 0, 2)
+    atlas = bake(result, _ATLAS)
+    progress(f"writing {path.name}", 1, 2)
+    write_one(path, report_html(result, atlas, stages).encode())
+    progress("done", 2, 2)
     return path
 
 

@@ -55,6 +55,16 @@ def test_round_trip_is_exact(face, folder):
     assert_same(load(folder), face)
 
 
+def test_saving_tells_how_far_it_is(face, tmp_path):
+    """Each file is a step; before them comes the atlas."""
+    told = []
+    save(face, tmp_path / "a", progress=lambda *step: told.append(step))
+    assert told[0] == ("baking the atlas", 0, 2)
+    assert {what for what, *_ in told[1:-1]} == {f"writing {name}" for name in FILES}
+    assert [done for _, done, _ in told[1:]] == [*range(1, len(FILES) + 2)]
+    assert told[-1] == ("done", len(FILES) + 1, len(FILES) + 1)
+
+
 def test_where_something_else_casts_its_shadow(face, tmp_path):
     visibility = np.linspace(0, 1, face.face.mask.size, dtype=np.float32).reshape(
         face.face.mask.shape

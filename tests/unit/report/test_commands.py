@@ -26,7 +26,9 @@ def small_atlas(monkeypatch):
 def test_report_is_written_and_named(result, capsys):
     (result / "report.html").unlink(missing_ok=True)
     assert cli.main(["report", str(result)]) == 0
-    assert capsys.readouterr().out.strip() == str(result / "report.html")
+    said = capsys.readouterr()
+    assert said.err.startswith("baking the atlas\n")
+    assert said.out.strip() == str(result / "report.html")
     assert "<h1>small head" in (result / "report.html").read_text()
 
 
