@@ -39,7 +39,7 @@ def strip(result: unlit.Result) -> Image.Image:
 def main() -> None:
     """Reconstruct the astronaut and write the picture."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--preset", choices=tuple(unlit.PRESETS), default="paper")
+    parser.add_argument("--preset", choices=tuple(unlit.PRESETS), default="standard")
     preset = parser.parse_args().preset
     OUT.parent.mkdir(parents=True, exist_ok=True)
     strip(unlit.reconstruct(astronaut(), preset)).save(OUT, quality=88)

@@ -73,7 +73,7 @@ class Result(Reconstruction):
 
 def reconstruct(
     photo: str | Path | Photo | np.ndarray,
-    preset: str | Settings = "paper",
+    preset: str | Settings = "standard",
     *,
     face: str | int = "only",
     model: HeadModel | str | None = None,
@@ -84,8 +84,8 @@ def reconstruct(
     """Reconstruct the face in `photo` (paper, sections 2 and 3).
 
     photo: a file, a Photo, or an array (H, W, 3), uint8 sRGB-encoded or float linear sRGB.
-    preset: "paper", the whole schedule at 512 pixels (minutes), "draft", a quick look at 256, or
-        a Settings. settings: what differs from it, by dotted name.
+    preset: "standard", a minute at 512 pixels; "draft", the same at 256; "paper", its Table 1 as
+        printed; or a Settings. settings: what differs from it, by dotted name.
     face: "only" (several faces are an error), "largest", "left", "right", or a number counted
         from the largest, 0.
     model: the head model to fit, or its name or file, if not the one that the settings name.
@@ -102,7 +102,7 @@ def reconstruct(
     chosen = override(_preset(preset), dict(settings or {}))
     if isinstance(model, str):
         chosen, model = override(chosen, {"head_model": model}), None
-    plan = cost.plan(chosen.resolution, chosen.iterations(), cost.cores())
+    plan = cost.plan(chosen.resolution, chosen.iterations(), cost.cores(), chosen.solver)
     with RunConsole(plan) if progress else nullcontext(silent) as console:
         made = chain.reconstruct(
             photo, settings=chosen, face=face, model=model, mask=mask, progress=console
@@ -129,7 +129,7 @@ def resume(
     if not isinstance(result, Reconstruction):
         result = load_reconstruction(result)
     chosen = override(result.settings, dict(settings or {}))
-    plan = cost.plan(chosen.resolution, chosen.iterations(stage - 1), cost.cores())
+    plan = cost.plan(chosen.resolution, chosen.iterations(stage - 1), cost.cores(), chosen.solver)
     with RunConsole(plan) if progress else nullcontext(silent) as console:
         return _result(resuming.resume(result, stage, chosen, console))
 
@@ -200,7 +200,7 @@ def export(
 def batch(
     photos: Sequence[str | Path],
     folder: str | Path,
-    preset: str | Settings = "paper",
+    preset: str | Settings = "standard",
     *,
     face: str | int = "only",
     settings: Mapping[str, Any] | None = None,

@@ -35,7 +35,7 @@ def add(commands: Any) -> None:
         metavar="ADDRESS",
         help="of a Dask cluster, as tcp://HOST:8786; without it, workers on this machine",
     )
-    add_settings(parser, "paper", every_face=True)
+    add_settings(parser, "standard", every_face=True)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -23,7 +23,7 @@ def add(commands: Any) -> None:
         run,
         "try it on a photo that comes with scikit-image",
         "Reconstruct the astronaut Eileen Collins (public domain, comes with scikit-image).",
-        "  unlit demo\n  unlit demo -o astronaut --preset paper",
+        "  unlit demo\n  unlit demo -o astronaut --preset standard",
     )
     parser.add_argument(*("-o", "--output"), metavar="DIR", default=_FOLDER, help=f"({_FOLDER})")
     add_settings(parser, "draft")

@@ -47,7 +47,7 @@ def add(commands: Any) -> None:
         "--true-mesh", action="store_true", help="give the reconstruction the subject's own mesh"
     )
     parser.add_argument("--seed", type=seed, metavar="N", help="of the path tracer's samples (0)")
-    add_settings(parser, "paper")
+    add_settings(parser, "standard")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -70,7 +70,8 @@ def run(options: argparse.Namespace) -> int:
     # LPIPS compares relit pictures, which only the whole protocol makes.
     whole = not (options.same_person or options.check)
     models.fetch("reconstruct", *(["evaluate"] if whole else []))
-    watch = StudyConsole(cost.plan(settings.resolution, settings.iterations(), cost.cores()))
+    plan = cost.plan(settings.resolution, settings.iterations(), cost.cores(), settings.solver)
+    watch = StudyConsole(plan)
     head_model(settings.head_model)  # tells now, not after the photos, if there is none
     if options.check:
         print(command.run_check(inputs[0], folder, settings, watch))

@@ -10,7 +10,7 @@ from typing import Any
 from ..errors import SettingsError
 
 #: What options are that were not given, where that is neither None nor False.
-_UNSAID = {"preset": "paper", "face": "only"}
+_UNSAID = {"preset": "standard", "face": "only"}
 
 
 def command(

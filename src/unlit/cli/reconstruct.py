@@ -70,7 +70,7 @@ def add(commands: Any) -> None:
         help="run stages N to 5 again on the result in --resume DIR, with its maps, edited or not, "
         "as the start; into DIR, or that of -o",
     )
-    add_settings(parser, "paper")
+    add_settings(parser, "standard")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -209,7 +209,7 @@ def _console(facts: Mapping[str, str], settings: Settings, preview: Path, done: 
     from ..settings.settings import as_dict
 
     cores = cost.cores()
-    plan = cost.plan(settings.resolution, settings.iterations(done), cores)
+    plan = cost.plan(settings.resolution, settings.iterations(done), cores, settings.solver)
     console = RunConsole(plan)
     say = console.log.say
     for name, fact in facts.items():

@@ -15,7 +15,6 @@ from ..optimize.observation import Observation
 from ..optimize.problem import Problem
 from ..optimize.shading import Shading
 from ..optimize.stage1_base_color import stage1
-from ..optimize.stage_run import with_unit_light
 from ..optimize.stages import start
 from ..progress.callbacks import silent
 from ..scene.cells import grid_cells, refine
@@ -45,7 +44,7 @@ def short_stage1(observation: Observation, settings: Settings) -> ShortStage1:
     cells = grid_cells(short.cell_rows, short.cell_columns)
     shading = Shading(problem, cells)
     with threadpool_limits(1, user_api="blas"):  # as in `optimize/solve.py`
-        estimate = with_unit_light(problem, stage1(problem, start(problem), shading), shading)
+        estimate = stage1(problem, start(problem), shading)
     light = estimate.light()
     shading = shading.under(refine(cells, light.rasterize(), limit=short.max_cells))
     radiance = CellRadiance(shading.cells).of(light)

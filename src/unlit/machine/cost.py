@@ -15,18 +15,28 @@ from ..errors import SettingsError
 
 #: Peak memory of the whole command: bytes, and bytes more for each pixel of the crop.
 _MEMORY, _MEMORY_PER_PIXEL = 0.86e9, 480.0
-#: Milliseconds of an iteration, and more for each million pixels of the crop, on two cores.
-#: Then the share of what else there is, which is taken by its set-up and preview.
+#: By solver: milliseconds of an iteration, and more for each million pixels of the crop, on two
+#: cores. Then the share of what else there is, which is taken by its set-up and preview.
 _PACE = {
-    "stage1": (8.5, 5.0, 0.14),
-    "stage2": (10.0, 27.0, 0.15),
-    "stage3": (24.0, 95.0, 0.24),
-    "stage4": (1.0, 85.0, 0.03),
-    "stage5": (1.0, 72.0, 0.04),
+    "adam": {
+        "stage1": (8.5, 5.0, 0.14),
+        "stage2": (10.0, 27.0, 0.15),
+        "stage3": (24.0, 95.0, 0.24),
+        "stage4": (1.0, 85.0, 0.03),
+        "stage5": (1.0, 72.0, 0.04),
+    },
+    "primal-dual": {
+        "stage1": (18.0, 8.0, 0.08),
+        "stage2": (25.0, 50.0, 0.15),
+        "stage3": (50.0, 180.0, 0.18),
+        "stage4": (18.0, 60.0, 0.08),
+        "stage5": (18.0, 75.0, 0.05),
+    },
 }
 _CORES = 2
-#: Seconds of everything but the iterations, and more for each million pixels; who else takes them.
-_REST, _REST_PER_MEGAPIXEL = 40.0, 30.0
+#: By solver: seconds of everything but the iterations, and more for each million pixels.
+_REST = {"adam": (40.0, 30.0), "primal-dual": (24.0, 45.0)}
+#: Who else takes them.
 _BEFORE = {"photo": 0.01, "perception": 0.01, "fit": 0.07, "conditions": 0.10}
 _AFTER = {"finish": 0.21}
 
@@ -38,17 +48,19 @@ def memory(resolution: int) -> float:
     return _MEMORY + _MEMORY_PER_PIXEL * resolution**2
 
 
-def plan(resolution: int, iterations: Mapping[str, int], cores: int) -> dict[str, float]:
+def plan(
+    resolution: int, iterations: Mapping[str, int], cores: int, solver: str
+) -> dict[str, float]:
     """Rough seconds of each step in order, for `iterations` of some of "stage1" to "stage5".
 
     Measured on one and two cores; up to four are taken to help as much, more not at all.
     """
     megapixels = resolution**2 / 1e6
-    rest = _REST + _REST_PER_MEGAPIXEL * megapixels
+    rest = _REST[solver][0] + _REST[solver][1] * megapixels
     speed = min(cores, 4) / _CORES
     stages = {
         step: count * (each + more * megapixels) / 1000 + share * rest
-        for step, (each, more, share) in _PACE.items()
+        for step, (each, more, share) in _PACE[solver].items()
         if (count := iterations.get(step)) is not None
     }
     before, after = ({step: s * rest for step, s in part.items()} for part in (_BEFORE, _AFTER))

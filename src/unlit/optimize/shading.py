@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import drjit as dr
 import numpy as np
+from scipy.spatial import KDTree
 
 from ..machine.runtime import mitsuba
 from ..render.interreflection import Interreflection, SpecularTransfer
@@ -17,14 +19,19 @@ from .problem import Problem
 
 mi = mitsuba()
 
+#: Sampled pixels from which another takes its values; how far away, in widths of the crop, and how
+#: differently turned, one is that counts half as near as the other.
+_NEAREST = 4
+_NEAR_PLACE, _NEAR_NORMAL = 0.05, 0.3
+
 
 class Shading:
     """Everything that depends on the geometry and the quadrature: visibility, indirect light.
 
     cells: the D cells of the light. points: the P shading points. bits: mi.UInt32, visibility
-    (render/visibility.py). indirect: E and S, mi.Color3f of width P, held constant between two
-    calls of `update`. specular_transfer: what inter-reflection carries of the highlights; None has
-    it computed for the next light.
+    (render/visibility.py), of the mesh as it is when they are first asked for. indirect: E and S,
+    mi.Color3f of width P, held constant between two calls of `update`. specular_transfer: what
+    inter-reflection carries of the highlights; None has it computed for the next light.
     """
 
     def __init__(
@@ -32,12 +39,16 @@ class Shading:
     ) -> None:
         self.problem, self.cells = problem, cells
         self.quadrature = Quadrature(cells)
-        self.points = problem.points()
-        self.bits = visibility(problem.mesh.scene, self.points, self.quadrature)
+        self.points = self._traced = problem.points()
         self.interreflection = interreflection or self._interreflection()
         self.indirect_light = self.interreflection.under(self.quadrature)
         self.indirect: tuple[Any, Any] = (mi.Color3f(0), mi.Color3f(0))
         self.specular_transfer: SpecularTransfer | None = None
+
+    @cached_property
+    def bits(self) -> Any:
+        """Traced when first asked for; stage 1 only needs those of its sample."""
+        return visibility(self.problem.mesh.scene, self._traced, self.quadrature)
 
     def _interreflection(self) -> Interreflection:
         problem = self.problem
@@ -75,7 +86,8 @@ class LightSample:
 
     rows: (N,) uint32, which of the P pixels; target, weight: the problem's there, the weights
     summing to 1. Its transport is tabulated once, so that the light's gradient is two matrix
-    products; the indirect light of `shading` is taken as it stands at each call.
+    products; the indirect light of `shading` is taken as it stands at each call. spread: carries
+    its values to all P pixels.
     """
 
     def __init__(self, problem: Problem, shading: Shading) -> None:
@@ -86,6 +98,7 @@ class LightSample:
         points = shading.points.gather(self.index)
         bits = visibility(problem.mesh.scene, points, shading.quadrature)
         self.transport = Transport(points, shading.quadrature, bits)
+        self.spread = _Spread(problem, self.rows, shading.points.diffuse_normal.numpy().T)
         self.target = self.of(problem.target)
         self.weight = self.of(problem.weight)
         self.weight /= dr.sum(self.weight)
@@ -94,3 +107,45 @@ class LightSample:
     def of(self, values: Any) -> Any:
         """The sample of per-pixel values, of their own type."""
         return dr.gather(type(values), values, self.index)
+
+    def hold(self, shading: Shading, e: Any, s: Any) -> None:
+        """Remember the direct E and S of the sample when those of all pixels were computed."""
+        self._indirect = [dr.mean(self.of(x)) for x in shading.indirect]
+        self._held = [x + y for x, y in zip((e, s), self._indirect, strict=True)]
+        dr.eval(self._indirect, self._held)
+
+    def changed(self, e: Any, s: Any) -> tuple[Any, Any]:
+        """Factors on E and S of all pixels since `hold`, mi.Float of width P, seen in the sample.
+
+        e, s: the direct ones of the sample under the light as it is.
+        """
+        factors = []
+        for now, indirect, held in zip((e, s), self._indirect, self._held, strict=True):
+            least = 0.02 * dr.mean(held)
+            factors.append(self.spread((dr.detach(now) + indirect + least) / (held + least)))
+        dr.eval(factors)
+        return factors[0], factors[1]
+
+
+class _Spread:
+    """Values of the sampled pixels carried to all P: the mean of the nearest, near ones most.
+
+    Nearest by place and by normal. rows: (N,) the sample. normals: (P, 3).
+    """
+
+    def __init__(self, problem: Problem, rows: np.ndarray, normals: np.ndarray) -> None:
+        width = problem.camera.width
+        place = np.stack([problem.pixel % width, problem.pixel // width], axis=1) / width
+        where = np.hstack([place / _NEAR_PLACE, normals / _NEAR_NORMAL])
+        count = min(_NEAREST, len(rows))
+        distance, near = KDTree(where[rows]).query(where, count)
+        distance, near = np.reshape(distance, (-1, count)), np.reshape(near, (-1, count))
+        share = 1 / (distance**2 + 1e-6)
+        share /= share.sum(axis=1, keepdims=True)
+        self.near = [device(mi.UInt32, n) for n in near.T]
+        self.share = [device(mi.Float, s) for s in share.T]
+
+    def __call__(self, values: Any) -> Any:
+        """mi.Float of width P from one of width N."""
+        pairs = zip(self.share, self.near, strict=True)
+        return sum(share * dr.gather(mi.Float, values, near) for share, near in pairs)

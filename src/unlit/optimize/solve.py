@@ -14,6 +14,7 @@ from ..face.gain import AlbedoGain
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
 from ..settings.settings import Settings
+from ..settings.table1 import TABLE_1
 from .estimate import Estimate
 from .observation import observation
 from .problem import Problem
@@ -56,8 +57,8 @@ def solve(
 ) -> Solution:
     """The five stages, starting from `head`, or from where `keeper` begins.
 
-    preview: called with ("fit", the start) and after every stage. Raises FaceError, and
-    SettingsError where the patch of a known albedo is not on the face.
+    preview: called with ("fit", the start) and after every stage but the last. Raises FaceError,
+    and SettingsError where the patch of a known albedo is not on the face.
     """
     gain = AlbedoGain(settings.exposure, photo, conditions)
     try:
@@ -75,8 +76,10 @@ def solve(
         run.lap(stage)
         if keeper is not None:
             keeper.keep(stage, problem, estimate, shading, run)
-        show(stage, estimate, shading)
+        if stage != last:
+            show(stage, estimate, shading)
 
+    last = list(TABLE_1)[-1]
     first = (keeper.begin(problem, run) if keeper else None) or Begin(0, start(problem))
     run.losses.update(first.losses)
     show("fit", first.estimate, None)

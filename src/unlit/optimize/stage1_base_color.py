@@ -50,8 +50,10 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
         light = run.result(estimate, *light_parameters(estimate))
         return replace(light, log_diffuse=diffuse, log_specular=specular)
 
+    level: Any = None
     for iteration in range(stage.iterations):
-        if iteration % settings.refresh_interval == 0:
+        refreshed = iteration % settings.refresh_interval == 0
+        if refreshed:
             e, _ = sample.transport.shade(dr.detach(radiance_of(cells, adam)))
             run.normalize_light(e + sample.of(shading.indirect[0]))
             shading.update(dr.detach(radiance_of(cells, adam)).numpy(), problem.maps(spread()))
@@ -61,8 +63,17 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
         log_diffuse, log_specular = blended(sampled)
         image = rendered(log_diffuse, log_specular, e, s)
         loss = stage.image * image_l1(image, sample.target, sample.weight)
-        loss += gloss_loss(settings, log_specular, s, sample.weight)
-        run.step(iteration, loss)
+        # Gloss is judged in the gain of the last refresh: else it would grow cheaper with the gain.
+        mean = dr.mean(dr.mean(e))
+        level = dr.detach(mean) if refreshed else level
+        gain = mean / level
+        loss += gloss_loss(settings, log_specular + dr.log(gain), s / gain, sample.weight)
+        run.step(loss)
+        run.report(iteration, lambda loss=loss: loss)
+        if run.converged:
+            break
+    e, _ = sample.transport.shade(dr.detach(radiance_of(cells, adam)))
+    run.normalize_light(e + sample.of(shading.indirect[0]))
     return spread()
 
 

@@ -2,40 +2,40 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
+import numpy as np
 
+from ..machine.runtime import mitsuba
+from ..scene.arrays import device
 from ..scene.lobes import CellRadiance
 from .estimate import Estimate
 from .problem import Problem
 from .shading import LightSample, Shading
-from .stage_run import (
-    StageRun,
-    light_loss,
-    light_parameters,
-    light_rates,
-    map_loss,
-    radiance_of,
-    trusted,
-)
+from .stage_run import StageRun, light_loss, light_parameters, light_rates, radiance_of, trusted
+
+mi = mitsuba()
 
 
 def stage2(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     """Low-frequency albedo: maps under strong smoothness, jointly with the light (section 3.2).
 
-    The light follows the image loss of a sample of the pixels at every iteration; the maps see
-    its shading on all pixels, brought up to date every `refresh_interval` iterations.
+    The light follows the image loss of a sample of the pixels. The maps see the shading of all,
+    computed every `refresh_interval` iterations; how the light has changed it since is seen in the
+    sample. (Maps that fit an old shading well would hold the light back.)
     """
     settings, stage = problem.settings, problem.settings.stage2
     sample = LightSample(problem, shading)
     cells = CellRadiance(shading.cells)
     names = ("log_diffuse", "log_specular", *light_parameters(estimate))
-    run = StageRun(
-        problem,
-        "stage2",
-        {name: getattr(estimate, name) for name in names},
-        {**light_rates(stage), "log_diffuse": stage.rate, "log_specular": stage.rate},
+    if settings.solver != "adam":
+        # So strong is its smoothness that the map ends up with one level: begin there.
+        level = float(np.median(estimate.log_specular.numpy()))
+        estimate = replace(estimate, log_specular=dr.full(mi.Float, level, len(problem)))
+    run = StageRun.of_maps(
+        problem, "stage2", estimate, light_parameters(estimate), light_rates(stage)
     )
     adam = run.adam
     e: Any = None
@@ -49,10 +49,21 @@ def stage2(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
             known = dr.detach(radiance_of(cells, adam)).numpy()
             shading.update(known, problem.maps(run.result(estimate, *names)))
             e, s = shading.shade(known)
-            weight = trusted(problem, e)
+            weight = trusted(problem, e, run.shading_error)
             dr.eval(e, s)
-        radiance = radiance_of(cells, adam)
-        loss = map_loss(problem, stage, adam, e, s, weight)
-        of_light = light_loss(sample, shading, adam, *sample.transport.shade(radiance))
-        run.step(iteration, loss, stage.image * of_light)
+            sample.hold(shading, *sample.transport.shade(device(mi.Float, known)))
+        direct = sample.transport.shade(radiance_of(cells, adam))
+        of_light = stage.image * light_loss(sample, shading, run, *direct)
+        if run.solver is None:
+            loss = run.map_loss(e, s, weight)
+            run.step(loss + of_light)
+            run.report(iteration, lambda loss=loss: loss)
+        else:
+            factors = sample.changed(*direct)
+            now = (e * factors[0], s * factors[1])
+            run.follow(*now, weight)
+            run.step(of_light)
+            run.report(iteration, lambda now=now, weight=weight: run.map_loss(*now, weight))
+        if run.converged:
+            break
     return run.result(estimate, *names)

@@ -24,7 +24,6 @@ from .stage_run import (
     light_loss,
     light_parameters,
     light_rates,
-    map_loss,
     radiance_of,
     trusted,
 )
@@ -41,6 +40,7 @@ class _Linearised:
 
     def __init__(self, problem: Problem, shading: Shading, vertices: Any) -> None:
         self.problem, self.shading, self.traced = problem, shading, vertices
+        dr.eval(shading.bits)  # of the mesh as it is, before it moves
         self.sample = LightSample(problem, shading)
         self.turned: tuple[Any, Any] = (0.0, 0.0)
         self.local: Any = None
@@ -63,10 +63,12 @@ class _Linearised:
         known = radiance.numpy()
         shading.update(known, maps)
         self.local = linearize(shading.points, shading.quadrature, shading.bits, known)
-        self.weight = trusted(problem, self.local.diffuse + shading.indirect[0])
+        error = problem.settings.shading_error
+        self.weight = trusted(problem, self.local.diffuse + shading.indirect[0], error)
         e, s = sample.transport.shade(radiance)
         self.turned = (sample.of(self.local.diffuse) - e, sample.of(self.local.specular) - s)
         dr.eval(self.turned)
+        sample.hold(shading, *self.sampled(radiance))
 
     def sampled(self, radiance: Any) -> tuple[Any, Any]:
         """Direct E and S of the sample's pixels under the cells' `radiance`."""
@@ -97,19 +99,13 @@ def stage3(problem: Problem, estimate: Estimate, shading: Shading) -> tuple[Esti
         dr.ravel(begin), dr.ravel(problem.mesh.triangles), settings.shape_lambda
     )
     names = ("log_diffuse", "log_specular", *light_parameters(estimate))
-    run = StageRun(
+    latent = mi.Float(steps.to_differential(dr.ravel(begin)))
+    run = StageRun.of_maps(
         problem,
         "stage3",
-        {
-            **{name: getattr(estimate, name) for name in names},
-            "latent": mi.Float(steps.to_differential(dr.ravel(begin))),
-        },
-        {
-            **light_rates(stage),
-            "log_diffuse": stage.rate,
-            "log_specular": stage.rate,
-            "latent": stage.rate * settings.shape_rate,
-        },
+        estimate,
+        {**light_parameters(estimate), "latent": latent},
+        {**light_rates(stage), "latent": stage.rate * settings.shape_rate},
         uniform=frozenset({"latent"}),
     )
     adam = run.adam
@@ -125,11 +121,20 @@ def stage3(problem: Problem, estimate: Estimate, shading: Shading) -> tuple[Esti
             radiance = dr.detach(radiance_of(cells, adam))
             linear.refresh(vertices, radiance, problem.maps(run.result(estimate, *names)))
         radiance = radiance_of(cells, adam)
-        loss = map_loss(problem, stage, adam, *linear.shade(vertices), linear.weight)
-        loss += stage.landmark * landmarks.loss(vertices)
-        loss += stage.shape * shape_l2(vertices, fitted, settings.shape_unit)
-        of_light = light_loss(linear.sample, linear.shading, adam, *linear.sampled(radiance))
-        run.step(iteration, loss, stage.image * of_light)
+        direct = linear.sampled(radiance)
+        e, s = linear.shade(vertices)
+        if run.solver is not None:
+            factors = linear.sample.changed(*direct)
+            e, s = e * factors[0], s * factors[1]
+        now = (dr.detach(e), dr.detach(s))
+        loss = run.follow(e, s, linear.weight)
+        held = stage.landmark * landmarks.loss(vertices)
+        held += stage.shape * shape_l2(vertices, fitted, settings.shape_unit)
+        of_light = light_loss(linear.sample, linear.shading, run, *direct)
+        run.step(loss + held + stage.image * of_light)
+        run.report(iteration, lambda now=now, held=held: run.map_loss(*now, linear.weight) + held)
+        if run.converged:
+            break
 
     vertices = dr.detach(dr.unravel(mi.Point3f, steps.from_differential(adam["latent"])))
     problem.move(vertices)

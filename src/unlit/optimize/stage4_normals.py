@@ -16,30 +16,30 @@ from .estimate import Estimate
 from .losses import normal_l2
 from .problem import Problem
 from .shading import Shading
-from .stage_run import StageRun, map_loss, trusted
+from .stage_run import StageRun, trusted
 
 
 def _normals_and_albedo(
-    problem: Problem, estimate: Estimate, shading: Shading, name: str, smoothness: float = 1.0
+    problem: Problem, estimate: Estimate, shading: Shading, name: str
 ) -> Estimate:
     """Stages 4 and 5: albedo maps and normal perturbation under a fixed light and mesh."""
     settings: Settings = problem.settings
     stage: Stage = getattr(settings, name)
     names = ("log_diffuse", "log_specular", "perturbation")
-    run = StageRun(
-        problem,
-        name,
-        {n: getattr(estimate, n) for n in names},
-        dict.fromkeys(names, stage.rate),
-    )
-    adam = run.adam
+    if settings.solver == "adam":
+        normals = {"perturbation": estimate.perturbation}
+        run = StageRun.of_maps(problem, name, estimate, normals, {"perturbation": stage.rate})
+    else:
+        run = StageRun.of_maps(problem, name, estimate, {}, {})
+        assert run.solver is not None
+        run.solver.follow_normals(estimate.perturbation)
     blur = Blur(problem.pixel, problem.camera.width, problem.camera.height, DIFFUSE_BLUR)
     mesh_normal = problem.points().specular_normal
     radiance = CellRadiance(shading.cells).of(estimate.light())
     local: Any = None
     weight: Any = None
     for iteration in range(stage.iterations):
-        perturbation = adam["perturbation"]
+        perturbation = run["perturbation"]
         specular_normal = dr.normalize(mesh_normal + perturbation)
         diffuse_normal = dr.normalize(mesh_normal + blur(perturbation))
         if iteration % settings.refresh_interval == 0:
@@ -48,12 +48,21 @@ def _normals_and_albedo(
             shading.points = problem.points(*turned)
             local = linearize(shading.points, shading.quadrature, shading.bits, radiance)
             shading.update(radiance, problem.maps(run.result(estimate, *names)))
-            weight = trusted(problem, local.diffuse + shading.indirect[0])
+            weight = trusted(problem, local.diffuse + shading.indirect[0], run.shading_error)
         e, s = local.shade(diffuse_normal, specular_normal)
         e, s = e + shading.indirect[0], s + shading.indirect[1]
-        loss = map_loss(problem, stage, adam, e, s, weight, smoothness)
-        loss += stage.normal * settings.normal_scale * normal_l2(perturbation)
-        run.step(iteration, loss)
+        now = (dr.detach(e), dr.detach(s))
+        loss = run.follow(e, s, weight)
+        cost = stage.normal * settings.normal_scale
+        held = cost * normal_l2(perturbation)
+        if run.solver is None:
+            run.step(loss + held)
+        else:
+            run.solver.turn_normals(loss, cost)
+        now = (*now, weight)
+        run.report(iteration, lambda now=now, held=held: run.map_loss(*now) + held)
+        if run.converged:
+            break
     return run.result(estimate, *names)
 
 
@@ -64,5 +73,4 @@ def stage4(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
 
 def stage5(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     """High-frequency albedo: the same unknowns under weaker smoothness (section 3.5)."""
-    smoothness = problem.settings.detail_smoothness
-    return _normals_and_albedo(problem, estimate, shading, "stage5", smoothness)
+    return _normals_and_albedo(problem, estimate, shading, "stage5")

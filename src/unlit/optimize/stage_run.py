@@ -2,30 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
 from ..machine.runtime import mitsuba
+from ..perception.regions import REGIONS
+from ..scene.arrays import device
 from ..scene.lobes import CellRadiance
 from ..settings.settings import Settings
 from ..settings.table1 import Stage
 from .estimate import Estimate
 from .losses import encode, gloss_l1, image_l1, total_variation
 from .optimizer import Adam
+from .primal_dual import PrimalDual
 from .problem import Problem
 from .shading import LightSample, Shading
 
 mi = mitsuba()
 
+_SURE_OF_EYES = 0.8
 #: Iterations between two reports of the loss; reading it more often would stall the device.
 REPORT = 25
 
 
 class StageRun:
-    """The bookkeeping of one stage: its optimiser and its report."""
+    """The bookkeeping of one stage: its optimisers and its report.
+
+    parameters, rates, uniform: of Adam. solver: of what Adam does not hold, if there is one.
+    """
 
     def __init__(
         self,
@@ -34,10 +43,14 @@ class StageRun:
         parameters: dict[str, Any],
         rates: dict[str, float],
         uniform: frozenset[str] = frozenset(),
+        solver: PrimalDual | None = None,
     ) -> None:
-        self.problem, self.name = problem, name
+        self.problem, self.name, self.solver = problem, name, solver
         self.settings: Settings = problem.settings
         self.stage: Stage = getattr(problem.settings, name)
+        #: Whether the loss has stopped falling.
+        self.converged = False
+        self._reported: float | None = None
         self.adam = Adam(
             parameters,
             rates,
@@ -48,35 +61,120 @@ class StageRun:
             uniform,
         )
 
-    def step(self, iteration: int, loss: Any, light_loss: Any = None) -> None:
-        """Back-propagate, take one step, keep the parameters in range, report `loss`.
+    @staticmethod
+    def of_maps(
+        problem: Problem,
+        name: str,
+        estimate: Estimate,
+        others: dict[str, Any],
+        rates: dict[str, float],
+        uniform: frozenset[str] = frozenset(),
+    ) -> StageRun:
+        """Of a stage with albedo maps; others, rates: what it has besides, and Adam's rates."""
+        settings = problem.settings
+        if settings.solver == "adam":
+            maps = {"log_diffuse": estimate.log_diffuse, "log_specular": estimate.log_specular}
+            stage: Stage = getattr(settings, name)
+            rates = rates | dict.fromkeys(maps, stage.rate)
+            return StageRun(problem, name, others | maps, rates, uniform)
+        state = {field: getattr(estimate, field) for field in PrimalDual.STATE}
+        solver = PrimalDual(problem.neighbours, problem.target, settings, state)
+        return StageRun(problem, name, others, rates, uniform, solver)
 
-        light_loss: a further loss, of parameters that `loss` does not depend on.
-        """
+    def __getitem__(self, name: str) -> Any:
+        return self.adam[name] if name in self.adam.values else getattr(self.solver, name)
+
+    def step(self, loss: Any) -> None:
+        """Back-propagate, let Adam take one step, keep its parameters in range."""
         adam, settings = self.adam, self.settings
-        dr.backward(loss if light_loss is None else loss + light_loss)
+        dr.backward(loss)
         adam.step()
         if "axis" in adam.rates:
             adam["axis"] = dr.normalize(adam["axis"])
         if "log_sharpness" in adam.rates:
             low, high = np.log(settings.min_sharpness), np.log(settings.max_sharpness)
             adam["log_sharpness"] = dr.clip(adam["log_sharpness"], low, high)
-        adam["log_specular"] = dr.fmin(adam["log_specular"], np.log(settings.max_specular))
-        adam["log_diffuse"] = dr.fmin(adam["log_diffuse"], np.log(settings.max_diffuse))
+        if self.solver is None:
+            adam["log_specular"] = dr.fmin(adam["log_specular"], np.log(settings.max_specular))
+            adam["log_diffuse"] = dr.fmin(adam["log_diffuse"], np.log(settings.max_diffuse))
+
+    def report(self, iteration: int, loss: Callable[[], Any]) -> None:
+        """Report the loss every so often, and see whether it still falls."""
         iterations = self.stage.iterations
         if iteration % REPORT == 0 or iteration == iterations - 1:
-            value = float(loss.numpy().item())
+            value = float(loss().numpy().item())
+            least = self.settings.tolerance
+            if least and self._reported is not None:
+                self.converged = value > (1 - least) * self._reported
+            self._reported = value
             self.problem.report(self.name, iteration + 1, iterations, value)
 
     def normalize_light(self, e: Any) -> None:
         """Fix the gain between light and albedo by the diffuse shading E, as `with_unit_light`."""
         shift = float(np.log(brightest(e)))
+        if self.solver is not None:
+            self.solver.brighten(shift)
         for name, sign in (("log_diffuse", 1), ("log_specular", 1), ("log_amplitude", -1)):
-            self.adam[name] = dr.detach(self.adam[name]) + dr.opaque(mi.Float, sign * shift)
+            if name in self.adam.values:
+                self.adam[name] = dr.detach(self.adam[name]) + dr.opaque(mi.Float, sign * shift)
 
     def result(self, estimate: Estimate, *names: str) -> Estimate:
-        """`estimate` with the named parameters as they are now."""
-        return replace(estimate, **{name: dr.detach(self.adam[name]) for name in names})
+        """`estimate` with the named parameters, and what the solver holds, as they are now."""
+        names += () if self.solver is None else PrimalDual.STATE
+        return replace(estimate, **{name: dr.detach(self[name]) for name in names})
+
+    def map_loss(self, e: Any, s: Any, weight: Any) -> Any:
+        """What stages 2 to 5 ask of the albedo maps: the image, smoothness, plain gloss."""
+        problem, stage = self.problem, self.stage
+        log_diffuse, log_specular = self["log_diffuse"], self["log_specular"]
+        image = rendered(log_diffuse, log_specular, e, s)
+        loss = stage.image * image_l1(image, problem.target, weight)
+        loss += smoothness_loss(stage, problem, log_diffuse, log_specular, self._detail)
+        return loss + gloss_loss(problem.settings, log_specular, s, weight)
+
+    def follow(self, e: Any, s: Any, weight: Any) -> Any:
+        """The loss through which mesh and normals follow the shading E, S.
+
+        It is the same thing under Adam, which follows it with the maps, too. The primal-dual solver
+        has them take their steps here.
+        """
+        if self.solver is None:
+            return self.map_loss(e, s, weight)
+        settings, stage = self.settings, self.stage
+        unit = self._detail * self.problem.camera.width / 512
+        now = dr.detach(e), dr.detach(s)
+        unseen = 1 - trust(now[0], settings.shading_error * self._doubt)
+        self.solver.step(
+            *now,
+            weight * len(self.problem),
+            unseen,
+            stage.image,
+            unit * stage.diffuse_smoothness * settings.diffuse_smoothness_scale,
+            unit * stage.specular_smoothness * settings.specular_smoothness_scale,
+        )
+        return stage.image * self.solver.image(e, s, weight)
+
+    @property
+    def shading_error(self) -> Any:
+        """Error of E that the maps expect of their image loss, a float or mi.Float."""
+        if self.name != "stage5":
+            return self.settings.shading_error
+        return self.settings.detail_shading_error * self._doubt
+
+    @cached_property
+    def _doubt(self) -> Any:
+        """Factor on the error: in stage 5 less in the eyes, which lids shade.
+
+        White and pupil differ by far more than the shading is wrong.
+        """
+        if self.name != "stage5":
+            return 1.0
+        eyes = self.problem.regions[:, REGIONS.index("eyes")]
+        return device(mi.Float, 1 - _SURE_OF_EYES * eyes)
+
+    @property
+    def _detail(self) -> float:
+        return self.settings.detail_smoothness if self.name == "stage5" else 1.0
 
 
 def light_parameters(estimate: Estimate) -> dict[str, Any]:
@@ -125,38 +223,25 @@ def gloss_loss(settings: Settings, log_specular: Any, s: Any, weight: Any) -> An
     return settings.specular_cost * gloss_l1(log_specular, settings.nominal_specular, s, weight)
 
 
-def map_loss(
-    problem: Problem,
-    stage: Stage,
-    adam: Adam,
-    e: Any,
-    s: Any,
-    weight: Any,
-    smoothness: float = 1.0,
-) -> Any:
-    """What stages 2 to 5 ask of the albedo maps: the image, smoothness, plain gloss."""
-    image = rendered(adam["log_diffuse"], adam["log_specular"], e, s)
-    loss = stage.image * image_l1(image, problem.target, weight)
-    loss += smoothness_loss(stage, problem, adam["log_diffuse"], adam["log_specular"], smoothness)
-    return loss + gloss_loss(problem.settings, adam["log_specular"], s, weight)
-
-
-def trusted(problem: Problem, e: Any) -> Any:
-    """Weight of each pixel in the maps' loss, sum 1: its own times (E / (E + error))^2."""
+def trust(e: Any, error: Any) -> Any:
+    """How much a pixel of shading E says about its albedo, 0 to 1."""
     level = dr.mean(dr.detach(e))
-    weight = problem.weight * dr.square(
-        level / dr.fmax(level + problem.settings.shading_error, 1e-6)
-    )
+    return dr.square(level / dr.fmax(level + error, 1e-6))
+
+
+def trusted(problem: Problem, e: Any, error: Any) -> Any:
+    """Weight of each pixel in the maps' loss, sum 1: its own times (E / (E + error))^2."""
+    weight = problem.weight * trust(e, error)
     weight /= dr.sum(weight)
     dr.eval(weight)
     return weight
 
 
-def light_loss(sample: LightSample, shading: Shading, adam: Adam, e: Any, s: Any) -> Any:
+def light_loss(sample: LightSample, shading: Shading, run: StageRun, e: Any, s: Any) -> Any:
     """Image loss of the sampled pixels as a function of the light alone, the maps as they are."""
     image = rendered(
-        sample.of(dr.detach(adam["log_diffuse"])),
-        sample.of(dr.detach(adam["log_specular"])),
+        sample.of(dr.detach(run["log_diffuse"])),
+        sample.of(dr.detach(run["log_specular"])),
         e + sample.of(shading.indirect[0]),
         s + sample.of(shading.indirect[1]),
     )

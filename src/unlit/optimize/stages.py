@@ -43,6 +43,9 @@ def start(problem: Problem) -> Estimate:
         device(mi.Vector3f, lobes.axis),
         device(mi.Float, np.log(lobes.sharpness)),
         device(mi.Float, np.log(lobes.amplitude)),
+        dr.zeros(mi.Color3f, count),
+        dr.zeros(mi.Vector4f, count),
+        dr.zeros(mi.Vector4f, count),
     )
 
 
@@ -90,8 +93,7 @@ def run_stages(
 
     shading = Shading(problem, begin.cells or (refined(estimate) if done else regular))
     if done < 1:
-        estimate = with_unit_light(problem, stage1(problem, estimate, shading), shading)
-        estimate = ended("stage1", estimate, shading)
+        estimate = ended("stage1", stage1(problem, estimate, shading), shading)
         shading = shading.under(refined(estimate))
     if done < 2:
         estimate = with_unit_light(problem, stage2(problem, estimate, shading), shading)

@@ -34,6 +34,7 @@ from ..photo.photo import Photo, read_photo
 from ..progress.callbacks import StageProgress, silent
 from ..scene.camera import Camera
 from ..settings.settings import PRESETS, Settings
+from ..settings.table1 import TABLE_1
 from .assemble import assemble
 from .identity import identity_of, photo_content
 from .observe import observe
@@ -108,13 +109,16 @@ def run_chain(
     shown = None if preview is None else show
     solution = solve(photo, head, conditions, settings, run, keeper, shown)
     run.begins("finish")
-    return assemble(photo, head, conditions, solution, run)
+    result = assemble(photo, head, conditions, solution, run)
+    if preview is not None:
+        preview(list(TABLE_1)[-1], result)
+    return result
 
 
 def reconstruct(
     photo: str | Path | Photo | np.ndarray,
     *,
-    settings: Settings = PRESETS["paper"],
+    settings: Settings = PRESETS["standard"],
     face: str | int | DetectedFace = "only",
     model: HeadModel | None = None,
     mask: str | Path | np.ndarray | None = None,

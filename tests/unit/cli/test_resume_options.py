@@ -83,7 +83,7 @@ def test_a_finished_result_is_neither_resumed_nor_replaced(
     """Finished is finished; a result of another photo, or done otherwise, is refused."""
     (tmp_path / MARK).write_text(MARK_TEXT)
     photographed = types.SimpleNamespace(name="a.png")
-    same = types.SimpleNamespace(photo=photographed, settings=PRESETS["paper"])
+    same = types.SimpleNamespace(photo=photographed, settings=PRESETS["standard"])
     arguments = ["reconstruct", photo, "-o", str(tmp_path), "--resume"]
     monkeypatch.setattr("unlit.output.load.load", lambda _: same)
     assert cli.main(arguments) == 0

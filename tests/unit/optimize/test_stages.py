@@ -25,6 +25,8 @@ from unlit.settings.settings import Settings
 
 LIGHT = {"axis", "log_sharpness", "log_amplitude"}
 ALBEDO = {"log_diffuse", "log_specular"}
+#: What only the primal-dual solver uses.
+PULLS = {"pull", "right", "below"}
 #: What each stage optimises.
 UNKNOWNS = {
     "stage1": LIGHT | ALBEDO,
@@ -42,6 +44,7 @@ class Stages:
     estimates: dict[str, dict[str, np.ndarray]]
     record: RunRecord
     colors: int
+    pulls: bool
 
     def pairs(self) -> Iterator[tuple[str, dict[str, np.ndarray], dict[str, np.ndarray]]]:
         names = list(self.estimates)
@@ -59,9 +62,9 @@ def chosen() -> Settings:
     return replace(settings, **stages)
 
 
-@pytest.fixture(scope="module")
-def stages() -> Stages:
-    settings, record = chosen(), tiny_run.record()
+@pytest.fixture(scope="module", params=["adam", "primal-dual"])
+def stages(request: pytest.FixtureRequest) -> Stages:
+    settings, record = replace(chosen(), solver=request.param), tiny_run.record()
     problem = tiny_run.problem(settings, record)
     shading = Shading(problem, grid_cells(settings.cell_rows, settings.cell_columns))
     found: dict[str, dict[str, np.ndarray]] = {}
@@ -79,22 +82,27 @@ def stages() -> Stages:
     kept("stage5", stage5(problem, estimate, shading))
     regions = problem.regions.max(axis=1) == 1
     colors = len(np.unique(np.round(found["stage1"]["log_diffuse"][regions], 5), axis=0))
-    return Stages(found, record, colors)
+    return Stages(found, record, colors, request.param == "primal-dual")
 
 
 @pytest.mark.parametrize("stage", UNKNOWNS)
 def test_its_loss_falls(stages: Stages, stage: str) -> None:
-    """It is told at the first iteration, every 25 and at the last."""
+    """It is told at the first iteration, every 25 and at the last.
+
+    The primal-dual solver leaves stages 3 and 4 little to do for the maps.
+    """
     iterations, losses = zip(*stages.record.losses[stage], strict=True)
     assert iterations == (0, 25, 39)
-    assert losses[-1] < 0.97 * losses[0]
+    near = stages.pulls and stage in ("stage3", "stage4")
+    assert losses[-1] < (0.995 if near else 0.97) * losses[0]
 
 
 def test_each_changes_its_unknowns_only(stages: Stages) -> None:
     """The mesh moves in stage 3, the light stays after it, normals are bent from stage 4 on."""
     for stage, before, after in stages.pairs():
         changed = {name for name in before if not np.array_equal(before[name], after[name])}
-        assert changed == UNKNOWNS[stage], stage
+        assert changed - PULLS == UNKNOWNS[stage], stage
+        assert changed & PULLS == (PULLS if stages.pulls and stage != "stage1" else set()), stage
 
 
 def test_stage_1_has_one_colour_by_region(stages: Stages) -> None:

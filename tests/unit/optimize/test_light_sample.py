@@ -1,0 +1,46 @@
+"""What the sampled pixels tell of all: how a change of the light changes their shading."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tiny_run
+from unlit.machine.runtime import mitsuba
+from unlit.optimize.shading import LightSample, Shading
+from unlit.optimize.stages import start
+from unlit.scene.arrays import device
+from unlit.scene.cells import grid_cells
+from unlit.scene.lobes import CellRadiance
+
+mi = mitsuba()
+
+
+def test_shading_of_all_pixels_follows_the_sample() -> None:
+    """Under a light that grew brighter from one side; the sample is a third of the pixels."""
+    settings = tiny_run.settings(light_points=80)
+    problem = tiny_run.problem(settings, tiny_run.record())
+    cells = grid_cells(settings.cell_rows, settings.cell_columns)
+    shading = Shading(problem, cells)
+    sample = LightSample(problem, shading)
+    assert len(sample.rows) < len(problem) / 2
+
+    light = start(problem).light()
+    before = CellRadiance(cells).of(light)
+    brighter = (light.amplitude * (1 + np.clip(light.axis[:, 0], 0, 1))).astype(np.float32)
+    after = CellRadiance(cells).of(replace(light, amplitude=brighter))
+    shading.update(before, problem.maps(start(problem)))
+    old = [x.numpy() for x in shading.shade(before)]
+    sample.hold(shading, *sample.transport.shade(device(mi.Float, before)))
+    direct = sample.transport.shade(device(mi.Float, after))
+    factors = [x.numpy() for x in sample.changed(*direct)]
+    new = [x.numpy() for x in shading.shade(after)]
+    for was, factor, now in zip(old, factors, new, strict=True):
+        missed, change = np.abs(was * factor - now).mean(), np.abs(now - was).mean()
+        assert missed < 0.1 * change
+
+    unchanged = sample.changed(*sample.transport.shade(device(mi.Float, before)))
+    for factor in unchanged:
+        assert factor.numpy() == pytest.approx(1, abs=1e-4)
