@@ -65,7 +65,10 @@ def test_a_result_shows_itself(shared_names: dict[str, object], tmp_path: Path) 
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: unlit.reconstruct("a.jpg", "papper"), "preset='papper': choose paper or standard or draft"),
+        (
+            lambda: unlit.reconstruct("a.jpg", "papper"),
+            "preset='papper': choose paper or standard or draft",
+        ),
         (lambda: unlit.reconstruct("a.jpg", settings={"stage9": 1}), "stage9"),
         (lambda: unlit.reconstruct("no-such.jpg", progress=False), "no-such.jpg"),
         (lambda: unlit.reconstruct("no.jpg", face="leftmost", progress=False), "face='leftmost': "),
