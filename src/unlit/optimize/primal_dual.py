@@ -45,6 +45,12 @@ def _at_most_1(limit: Any) -> Any:
     return dr.fmin(limit, 1)
 
 
+def _towards(value: Any, kink: Any, pace: Any) -> Any:
+    """`value` nearer to `kink` by `pace`, or just there: the exact step of |value - kink|."""
+    away = value - kink
+    return kink + dr.sign(away) * dr.fmax(dr.abs(away) - pace, 0)
+
+
 class PrimalDual:
     """The maps of P pixels and what pulls at them.
 
@@ -64,6 +70,8 @@ class PrimalDual:
         self.neighbours, self.target, self.settings = neighbours, target, settings
         bounds = encode(mi.Float(_DARKEST, settings.max_diffuse)).numpy()
         self.bounds = tuple(float(bound) for bound in bounds)
+        self.nominal = float(dr.log(settings.nominal_specular))
+        self.most_specular = float(dr.log(settings.max_specular))
         self.diffuse = encode(dr.exp(state["log_diffuse"]))
         self.log_specular = mi.Float(state["log_specular"])
         self.begin = mi.Color3f(self.diffuse)
@@ -110,13 +118,17 @@ class PrimalDual:
         hold: list[Any] = [4 * _at_most_1(limit) for limit in limits]
         pace = _DIFFUSE / (hold[0] + image / 3 * by_diffuse)
         force = mi.Color3f(*forces[:3]) + pull * by_diffuse
-        moved = self._kept(self.diffuse - pace * force, pace * self.settings.unseen_cost * unseen)
+        keep = self.settings.unseen_cost * unseen
+        moved = _towards(self.diffuse - pace * force, self.begin, pace * keep)
         moved = dr.clip(moved, *self.bounds)
         pace = _SPECULAR / (hold[3] + image / 3 * dr.sum(by_specular))
         by_gloss = dr.sum(pull * by_specular)
         level = self.log_specular - pace * (forces[3] + by_gloss)
-        level = self._plainer(level, pace * weight * dr.mean(mi.Color3f(s)))
-        level += self._of_all(by_gloss, image / 3 * weight * dr.sum(by_specular), weight, s)
+        # The cost of gloss, per unit of log specular albedo at the nominal level.
+        cost = self.settings.specular_cost * self.settings.nominal_specular
+        cost = cost * weight * dr.mean(mi.Color3f(s))
+        level = dr.fmin(_towards(level, self.nominal, pace * cost), self.most_specular)
+        level += self._of_all(by_gloss, image / 3 * weight * dr.sum(by_specular), cost)
         self.ahead = (2 * moved - self.diffuse, 2 * level - self.log_specular)
         self.diffuse, self.log_specular = moved, level
         dr.eval(moved, level, self.ahead)
@@ -155,31 +167,14 @@ class PrimalDual:
             forces.append(left + above - right - below)
         return forces
 
-    def _plainer(self, level: Any, pace: Any) -> Any:
-        """Log specular albedo after the cost of gloss (a kink that is known exactly), in bounds.
-
-        It pulls towards the nominal level by `pace` times its slope there, or just reaches it.
-        """
-        nominal = self.settings.nominal_specular
-        away = level - float(dr.log(nominal))
-        pace = pace * self.settings.specular_cost * nominal
-        away = dr.sign(away) * dr.fmax(dr.abs(away) - pace, 0)
-        return dr.fmin(away + float(dr.log(nominal)), float(dr.log(self.settings.max_specular)))
-
-    def _kept(self, moved: Any, pace: Any) -> Any:
-        """Encoded diffuse albedo after the cost of leaving what the stage began with (a kink)."""
-        away = moved - self.begin
-        return self.begin + dr.sign(away) * dr.fmax(dr.abs(away) - pace, 0)
-
-    def _of_all(self, by_gloss: Any, most: Any, weight: Any, s: Any) -> Any:
+    def _of_all(self, by_gloss: Any, most: Any, cost: Any) -> Any:
         """The step that log specular albedo takes as a whole, which smoothness does not hold.
 
         The steps of single texels have to be so short, for their neighbours, that they would never
         move it. by_gloss, most: the pull of the image on each texel, and the most it can be.
         """
-        away = self.log_specular - float(dr.log(self.settings.nominal_specular))
-        cost = self.settings.specular_cost * weight * dr.mean(mi.Color3f(s))
-        cost *= self.settings.nominal_specular * dr.clip(away / _LEVEL, -1, 1)
+        away = self.log_specular - self.nominal
+        cost = cost * dr.clip(away / _LEVEL, -1, 1)
         share = dr.sum(by_gloss + cost) / dr.fmax(dr.sum(most), 1e-6)
         return -_LEVEL * dr.clip(share, -1, 1)
 

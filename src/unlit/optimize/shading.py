@@ -98,11 +98,17 @@ class LightSample:
         points = shading.points.gather(self.index)
         bits = visibility(problem.mesh.scene, points, shading.quadrature)
         self.transport = Transport(points, shading.quadrature, bits)
-        self.spread = _Spread(problem, self.rows, shading.points.diffuse_normal.numpy().T)
+        self._all = (problem, shading.points)
         self.target = self.of(problem.target)
         self.weight = self.of(problem.weight)
         self.weight /= dr.sum(self.weight)
         dr.eval(self.target, self.weight)
+
+    @cached_property
+    def spread(self) -> _Spread:
+        """Made when first asked for: stage 1 and Adam have no use for it."""
+        problem, points = self._all
+        return _Spread(problem, self.rows, points.diffuse_normal.numpy().T)
 
     def of(self, values: Any) -> Any:
         """The sample of per-pixel values, of their own type."""

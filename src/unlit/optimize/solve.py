@@ -14,7 +14,7 @@ from ..face.gain import AlbedoGain
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
 from ..settings.settings import Settings
-from ..settings.table1 import TABLE_1
+from ..settings.table1 import LAST_STAGE
 from .estimate import Estimate
 from .observation import observation
 from .problem import Problem
@@ -76,10 +76,9 @@ def solve(
         run.lap(stage)
         if keeper is not None:
             keeper.keep(stage, problem, estimate, shading, run)
-        if stage != last:
+        if stage != LAST_STAGE:
             show(stage, estimate, shading)
 
-    last = list(TABLE_1)[-1]
     first = (keeper.begin(problem, run) if keeper else None) or Begin(0, start(problem))
     run.losses.update(first.losses)
     show("fit", first.estimate, None)

@@ -51,7 +51,7 @@ def _normals_and_albedo(
             weight = trusted(problem, local.diffuse + shading.indirect[0], run.shading_error)
         e, s = local.shade(diffuse_normal, specular_normal)
         e, s = e + shading.indirect[0], s + shading.indirect[1]
-        now = (dr.detach(e), dr.detach(s))
+        now = (dr.detach(e), dr.detach(s), weight)
         loss = run.follow(e, s, weight)
         cost = stage.normal * settings.normal_scale
         held = cost * normal_l2(perturbation)
@@ -59,7 +59,6 @@ def _normals_and_albedo(
             run.step(loss + held)
         else:
             run.solver.turn_normals(loss, cost)
-        now = (*now, weight)
         run.report(iteration, lambda now=now, held=held: run.map_loss(*now) + held)
         if run.converged:
             break

@@ -34,7 +34,7 @@ from ..photo.photo import Photo, read_photo
 from ..progress.callbacks import StageProgress, silent
 from ..scene.camera import Camera
 from ..settings.settings import PRESETS, Settings
-from ..settings.table1 import TABLE_1
+from ..settings.table1 import LAST_STAGE
 from .assemble import assemble
 from .identity import identity_of, photo_content
 from .observe import observe
@@ -111,7 +111,7 @@ def run_chain(
     run.begins("finish")
     result = assemble(photo, head, conditions, solution, run)
     if preview is not None:
-        preview(list(TABLE_1)[-1], result)
+        preview(LAST_STAGE, result)
     return result
 
 

@@ -40,3 +40,4 @@ TABLE_1 = {
     "stage5": Stage(          100, 1.0,  1.0,  0.1,  1.0, 50.0,  0.1,    0.0,   0.0,   0.0),
 }
 # fmt: on
+LAST_STAGE = list(TABLE_1)[-1]
