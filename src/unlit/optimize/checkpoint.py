@@ -121,8 +121,6 @@ class Checkpoint:
             run.seconds[name] = run.seconds.get(name, 0.0) + value
         if self.stage >= 3:
             problem.place(estimate.vertices, triangle)
-        # Stage 2 has the cells refined for what stage 1 has found.
-        cells = cells if self.stage >= 2 else None
         return Begin(self.stage, estimate, cells, (diffuse, specular), self._about.losses)
 
     def keep(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +12,7 @@ from scipy.spatial import KDTree
 
 from ..machine.runtime import mitsuba
 from ..render.interreflection import Interreflection, SpecularTransfer
-from ..render.transport import Quadrature, Transport, shade, visibility
+from ..render.transport import Quadrature, ShadingPoints, Transport, shade, visibility
 from ..scene.arrays import device
 from ..scene.cells import SphereCells
 from ..scene.maps import Maps
@@ -49,6 +50,13 @@ class Shading:
     def bits(self) -> Any:
         """Traced when first asked for; stage 1 only needs those of its sample."""
         return visibility(self.problem.mesh.scene, self._traced, self.quadrature)
+
+    def at(self, points: ShadingPoints) -> Shading:
+        """The same geometry with the normals of `points`, for a look that leaves this as it is."""
+        dr.eval(self.bits)  # traced once for both
+        other = copy.copy(self)
+        other.points = points
+        return other
 
     def _interreflection(self) -> Interreflection:
         problem = self.problem

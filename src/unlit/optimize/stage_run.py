@@ -48,7 +48,7 @@ class StageRun:
         self.problem, self.name, self.solver = problem, name, solver
         self.settings: Settings = problem.settings
         self.stage: Stage = getattr(problem.settings, name)
-        #: Whether the loss has stopped falling.
+        #: Whether the loss has stopped changing.
         self.converged = False
         self._reported: float | None = None
         self.adam = Adam(
@@ -87,8 +87,9 @@ class StageRun:
     def step(self, loss: Any) -> None:
         """Back-propagate, let Adam take one step, keep its parameters in range."""
         adam, settings = self.adam, self.settings
-        dr.backward(loss)
-        adam.step()
+        if adam.rates:  # else nothing has a gradient
+            dr.backward(loss)
+            adam.step()
         if "axis" in adam.rates:
             adam["axis"] = dr.normalize(adam["axis"])
         if "log_sharpness" in adam.rates:
@@ -99,13 +100,13 @@ class StageRun:
             adam["log_diffuse"] = dr.fmin(adam["log_diffuse"], np.log(settings.max_diffuse))
 
     def report(self, iteration: int, loss: Callable[[], Any]) -> None:
-        """Report the loss every so often, and see whether it still falls."""
+        """Report the loss every so often, and see whether it still changes."""
         iterations = self.stage.iterations
         if iteration % REPORT == 0 or iteration == iterations - 1:
             value = float(loss().numpy().item())
             least = self.settings.tolerance
             if least and self._reported is not None:
-                self.converged = value > (1 - least) * self._reported
+                self.converged = abs(value - self._reported) < least * self._reported
             self._reported = value
             self.problem.report(self.name, iteration + 1, iterations, value)
 

@@ -84,8 +84,8 @@ def run_stages(
 
     def ended(name: str, estimate: Estimate, shading: Shading) -> Estimate:
         estimate = Estimate.of(estimate.arrays())
+        after(name, estimate, shading)  # a preview may use what the stage knew of highlights
         shading.specular_transfer = None
-        after(name, estimate, shading)
         return estimate
 
     def refined(estimate: Estimate) -> SphereCells:
@@ -93,8 +93,9 @@ def run_stages(
 
     shading = Shading(problem, begin.cells or (refined(estimate) if done else regular))
     if done < 1:
-        estimate = ended("stage1", stage1(problem, estimate, shading), shading)
+        estimate = stage1(problem, estimate, shading)
         shading = shading.under(refined(estimate))
+        estimate = ended("stage1", estimate, shading)
     if done < 2:
         estimate = with_unit_light(problem, stage2(problem, estimate, shading), shading)
         estimate = ended("stage2", estimate, shading)

@@ -210,7 +210,7 @@ def _blender(job: ExportJob) -> Contents:
     return {
         "blender.py": Path(__file__).with_name("blender_script.py").read_bytes,
         "blender.json": lambda: blender.settings(r, job.atlas),
-        "environment.exr": lambda: exr(r.light.rasterize()),
+        "environment.exr": lambda: exr(r.light.environment),
         **_obj(job),
         **_exrs(job),
     }

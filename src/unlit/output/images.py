@@ -62,7 +62,7 @@ MAPS = {
     "specular_shading": (lambda r: r.images.specular_shading, encoded),
     "render": (lambda r: r.images.render, encoded),
     "mask": (lambda r: r.face.mask, bytes_of),
-    "environment": (lambda r: r.light.rasterize(), tone_mapped),
+    "environment": (lambda r: r.light.environment, tone_mapped),
 }
 
 

@@ -50,7 +50,7 @@ mi.register_bsdf(PLUGIN, ResultBSDF)
 
 def environment(reconstruction: Reconstruction) -> np.ndarray:
     """(721, 1440, 3) radiance of the light, sampled as Mitsuba's `envmap` interpolates it."""
-    return np.array(mitsuba_environment(reconstruction.light.rasterize()))
+    return np.array(mitsuba_environment(reconstruction.light.environment))
 
 
 def stock_scene(reconstruction: Reconstruction, mesh: str) -> bytes:

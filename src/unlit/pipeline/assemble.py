@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import copy
 import sys
 from dataclasses import replace
 from typing import Any
@@ -40,14 +39,18 @@ mi = mitsuba()
 def assemble(
     photo: FacePhoto, head: FittedHead, conditions: Conditions, solution: Solution, run: RunRecord
 ) -> Reconstruction:
-    """Everything as NumPy arrays; `solution` is left as it is."""
+    """Everything as NumPy arrays; `solution` is left as it is.
+
+    Between stages the bounced highlights may be those of a light that has changed by
+    `settings.gloss_change` since.
+    """
     problem, estimate = solution.problem, solution.estimate
     maps = problem.maps(estimate)
     normals = _normals(problem, maps)
     gain, images = 1.0, Images(*(np.zeros((*problem.inside.shape, 3), np.float32),) * 3)
     if solution.shading is not None:
-        shading = copy.copy(solution.shading)  # what the stages go on with is left as it is
-        shading.points = problem.points(normals["diffuse"], normals["specular"])
+        points = problem.points(normals["diffuse"], normals["specular"])
+        shading = solution.shading.at(points)  # what the stages go on with is left as it is
         gain, estimate, e, s = _with_final_gain(problem, shading, estimate, maps)
         maps = problem.maps(estimate)
         images = _images(photo, conditions, problem.settings.cast_shadow, maps, e, s)

@@ -62,7 +62,7 @@ def scene(r: Reconstruction, atlas: Atlas) -> Scene:
     arrays["hidden"] = _fixed(_hidden(seen, mesh.normal), np.uint8)
     lights = {}
     for name, environment in {
-        "photo": r.light.rasterize(),
+        "photo": r.light.environment,
         "flash": flash(),
         "uniform": uniform(),
         "sky": outdoors(),

@@ -9,6 +9,7 @@ values: a white Lambertian surface (albedo 1) under irradiance E / pi = 1 render
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -70,6 +71,11 @@ class SphericalGaussians:
     def rasterize(self, height: int = RASTER[0], width: int = RASTER[1]) -> np.ndarray:
         """Environment map (height, width[, 3]), float32 radiance at the pixel centres."""
         return self.radiance(latlong_directions(height, width))
+
+    @cached_property
+    def environment(self) -> np.ndarray:
+        """`rasterize()` when first asked for, then kept; not to be written to."""
+        return self.rasterize()
 
     def scaled(self, gain: float) -> SphericalGaussians:
         """The same light times `gain`."""

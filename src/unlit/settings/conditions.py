@@ -18,7 +18,7 @@ LOWEST, HIGHEST = 1700.0, 25000.0
 #: Least channel of a light's colour: a photo holds nothing of a channel without light.
 FAINTEST = 0.02
 
-_NUMBER = r"\d+(?:\.\d+)?"
+_NUMBER = r"(?:\d+(?:\.\d+)?|\.\d+)"
 #: Three numbers of which one is larger are no linear values, but those of a colour picker.
 _LINEAR = 16.0
 _WAYS = "white, auto, a temperature as 2700K, the grey card's pixel X,Y, R,G,B (linear) or #rrggbb"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any, Literal, TypeGuard, get_args, get_origin
 
 import msgspec
@@ -18,10 +19,12 @@ _WORDS = {"ge": "{:g} or more", "gt": "above {:g}", "le": "at most {:g}", "lt": 
 def converted(value: Any, kind: Any) -> Any:
     """`value`, as Python or TOML have it, or as text, in the type `kind` and its range.
 
-    Several numbers may be one text, with commas. Raises msgspec.ValidationError.
+    Several numbers may be one text, with commas; ".5" is 0.5. Raises msgspec.ValidationError.
     """
-    if get_origin(kind) is tuple and isinstance(value, str):
-        value = [part.strip() for part in value.split(",") if part.strip()]
+    if isinstance(value, str) and kind is not str:
+        value = re.sub(r"(?<![\w.])\.(?=\d)", "0.", value.strip())
+        if get_origin(kind) is tuple:
+            value = [part.strip() for part in value.split(",") if part.strip()]
     return msgspec.convert(value, kind, strict=False)
 
 

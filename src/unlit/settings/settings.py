@@ -1,7 +1,7 @@
 """Every choice that decides a reconstruction besides the photo, as typed settings with ranges.
 
 The presets are instances of one dataclass: `paper` is Table 1 as printed; `standard`, the default,
-minimises the same loss by other steps in far fewer iterations; `draft` is the same, coarser.
+minimises nearly the same loss by other steps in far fewer iterations; `draft` is the same, coarser.
 Any field can be overridden by its dotted name, e.g. `stage2.iterations=500`.
 """
 
@@ -74,7 +74,7 @@ class Settings:
     #: How the albedo maps and the normals follow the loss: adam, as in the paper, or primal-dual
     #: (optimize/primal_dual.py). Light, mesh and stage 1 follow it by Adam.
     solver: Literal["adam", "primal-dual"] = "adam"
-    #: A stage ends before its last iteration when its loss has fallen by less than this share over
+    #: A stage ends before its last iteration when its loss has changed by less than this share over
     #: REPORT iterations (optimize/stage_run.py); 0: never.
     tolerance: Annotated[float, Meta(ge=0, lt=1)] = 0.0
     #: Share of each stage at the full learning rates (in the paper they are constant), and share of
@@ -168,8 +168,8 @@ class Settings:
         return {name: counts[name] for name in list(counts)[done:]}
 
 
-#: The same loss by other steps, in an eighth of the iterations. Stage 1 has few unknowns and takes
-#: larger steps; the other stages begin where the one before ended and have a short way to go.
+#: The weights of Table 1, other steps, a twelfth of the iterations. Stage 1 has few unknowns and
+#: takes larger steps; the other stages begin where the one before ended and have a short way to go.
 STANDARD = replace(
     Settings(),
     stage1=replace(
@@ -182,15 +182,16 @@ STANDARD = replace(
     ),
     stage2=replace(TABLE_1["stage2"], iterations=100),
     stage3=replace(TABLE_1["stage3"], iterations=60),
-    stage4=replace(TABLE_1["stage4"], iterations=25),
+    stage4=replace(TABLE_1["stage4"], iterations=40),
     stage5=replace(TABLE_1["stage5"], iterations=50),
     solver="primal-dual",
     tolerance=0.005,
     rate_hold=0.3,
     refresh_interval=25,
     gloss_change=0.3,
-    retrace_distance=0.1,
-    detail_shading_error=0.1,
+    retrace_distance=0.4,
+    shape_unit=2.0,
+    detail_shading_error=0.05,
     unseen_cost=0.03,
 )
 

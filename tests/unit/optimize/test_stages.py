@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
 
 import tiny_run
+from unlit.machine.runtime import mitsuba
+from unlit.optimize import shading as shading_module
 from unlit.optimize.estimate import Estimate
 from unlit.optimize.run_record import RunRecord
 from unlit.optimize.shading import Shading
@@ -17,11 +20,13 @@ from unlit.optimize.stage1_base_color import stage1
 from unlit.optimize.stage2_albedo import stage2
 from unlit.optimize.stage3_shape import stage3
 from unlit.optimize.stage4_normals import stage4, stage5
-from unlit.optimize.stage_run import brightest, with_unit_light
+from unlit.optimize.stage_run import REPORT, StageRun, brightest, with_unit_light
 from unlit.optimize.stages import start
 from unlit.scene.cells import grid_cells
 from unlit.scene.lobes import CellRadiance
 from unlit.settings.settings import Settings
+
+mi = mitsuba()
 
 LIGHT = {"axis", "log_sharpness", "log_amplitude"}
 ALBEDO = {"log_diffuse", "log_specular"}
@@ -135,6 +140,51 @@ def test_a_stage_without_iterations_leaves_the_estimate() -> None:
     after = stage4(problem, begin, shading).arrays()
     for name, values in begin.arrays().items():
         np.testing.assert_array_equal(after[name], values, err_msg=name)
+
+
+@pytest.mark.parametrize("solver", ["adam", "primal-dual"])
+def test_a_light_of_no_rate_stays(solver: str) -> None:
+    """But for its gain. With the primal-dual solver Adam then has nothing to move at all."""
+    frozen = {"axis_rate": 0.0, "sharpness_rate": 0.0, "amplitude_rate": 0.0}
+    settings = replace(tiny_run.settings(), solver=solver)
+    settings = replace(settings, stage2=replace(settings.stage2, iterations=3, **frozen))
+    problem = tiny_run.problem(settings)
+    shading = Shading(problem, grid_cells(settings.cell_rows, settings.cell_columns))
+    begin = start(problem)
+    after = stage2(problem, begin, shading).arrays()
+    for name in ("axis", "log_sharpness"):
+        np.testing.assert_array_equal(after[name], begin.arrays()[name])
+    assert np.ptp(after["log_amplitude"] - begin.arrays()["log_amplitude"]) < 1e-5
+    assert not np.array_equal(after["log_diffuse"], begin.arrays()["log_diffuse"])
+
+
+@pytest.mark.parametrize(
+    ("losses", "ends"),
+    [((1, 1.006), False), ((1, 0.99), False), ((1, 1.004), True), ((0, 0), False)],
+)
+def test_a_stage_ends_when_its_loss_stays(losses: tuple[float, float], ends: bool) -> None:
+    """It goes on where the loss rises: something has been upset that will come down again."""
+    problem = tiny_run.problem(replace(tiny_run.settings(), tolerance=0.005))
+    run = StageRun(problem, "stage1", {}, {})
+    for k, loss in enumerate(losses):
+        run.report(k * REPORT, lambda loss=loss: mi.Float(loss))
+    assert run.converged == ends
+
+
+def test_a_preview_traces_nothing_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it asks for is what the next stage, or the result, needs."""
+    traced: list[int] = []
+    true = shading_module.visibility
+
+    def counted(*args: Any) -> Any:
+        traced.append(1)
+        return true(*args)
+
+    monkeypatch.setattr(shading_module, "visibility", counted)
+    tiny_run.run()
+    alone, traced[:] = len(traced), []
+    tiny_run.run(preview=lambda *_: None)
+    assert len(traced) == alone
 
 
 def test_with_unit_light_the_best_lit_skin_has_full_light() -> None:

@@ -43,6 +43,23 @@ def test_standard_has_the_weights_of_table_1() -> None:
     assert dataclasses.replace(draft, resolution=standard.resolution) == standard
 
 
+@pytest.mark.parametrize(
+    "text, value", [(".5", 0.5), ("0.5", 0.5), ("5e-1", 0.5), (" .25", 0.25), ("1.5", 1.5)]
+)
+def test_numbers_as_people_write_them(text: str, value: float) -> None:
+    assert override(Settings(), {"shading_error": text}).shading_error == value
+    negative = override(Settings(), {"cast_shadow.dark": f"-{text.strip()}"})
+    assert negative.cast_shadow.dark == -value
+    two = override(Settings(), {"landmark_fit.dim": f"{text}, 2.5"}).landmark_fit.dim
+    assert two == (value, 2.5)
+    color = override(Settings(), {"light_color": "1,.5,.25"}).light_color
+    assert color.rgb == (1, 0.5, 0.25)
+
+
+def test_a_file_whose_name_begins_with_a_dot_keeps_it() -> None:
+    assert override(Settings(), {"head_model": "heads/.5.npz"}).head_model == "heads/.5.npz"
+
+
 def test_override_by_dotted_name() -> None:
     """Text, numbers and nested tables (as TOML gives them); the original stays."""
     paper = PRESETS["paper"]
