@@ -50,7 +50,7 @@ def assemble(
     gain, images = 1.0, Images(*(np.zeros((*problem.inside.shape, 3), np.float32),) * 3)
     if solution.shading is not None:
         points = problem.points(normals["diffuse"], normals["specular"])
-        shading = solution.shading.at(points)  # what the stages go on with is left as it is
+        shading = solution.shading.at(points)
         gain, estimate, e, s = _with_final_gain(problem, shading, estimate, maps)
         maps = problem.maps(estimate)
         images = _images(photo, conditions, problem.settings.cast_shadow, maps, e, s)

@@ -103,7 +103,7 @@ def relight(
     _spare_inputs(folder, path, request)
     ensure_writable(path)
     face = load(folder)
-    environment = requested_light(request.light, face.light.rasterize())
+    environment = requested_light(request.light, face.light.environment)
     environment = environment * np.float32(2**request.brightness)
     backdrop = None
     if request.over_photo is not None:

@@ -84,7 +84,7 @@ class Relighter:
         inter-reflection.
         """
         lobes = isinstance(light, SphericalGaussians)
-        return self.under(light.rasterize() if lobes else np.asarray(light)).image(0)
+        return self.under(light.environment if lobes else np.asarray(light)).image(0)
 
     def under(self, environment: np.ndarray, azimuths: Sequence[float] = (0.0,)) -> FaceUnderLight:
         """Trace what the face sees of `environment` (H, W[, 3]), turned by each of `azimuths`.
