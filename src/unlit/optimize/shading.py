@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 from ..machine.runtime import mitsuba
 from ..render.interreflection import Interreflection, SpecularTransfer
 from ..render.transport import Quadrature, ShadingPoints, Transport, shade, visibility
+from ..render.visibility import bits_at
 from ..scene.arrays import device
 from ..scene.cells import SphereCells
 from ..scene.maps import Maps
@@ -50,6 +51,13 @@ class Shading:
     def bits(self) -> Any:
         """Traced when first asked for; stage 1 only needs those of its sample."""
         return visibility(self.problem.mesh.scene, self._traced, self.quadrature)
+
+    def bits_of(self, index: Any) -> Any:
+        """Those of some pixels (mi.UInt32), traced only if those of all are not."""
+        if "bits" in vars(self):
+            return bits_at(self.bits, len(self._traced), index)
+        points = self._traced.gather(index)
+        return visibility(self.problem.mesh.scene, points, self.quadrature)
 
     def at(self, points: ShadingPoints) -> Shading:
         """The same geometry with the normals of `points`, for a look that leaves this as it is."""
@@ -103,8 +111,7 @@ class LightSample:
         count = min(settings.light_points, len(problem))
         self.rows = np.unique(np.linspace(0, len(problem) - 1, count).astype(np.uint32))
         self.index = device(mi.UInt32, self.rows)
-        points = shading.points.gather(self.index)
-        bits = visibility(problem.mesh.scene, points, shading.quadrature)
+        points, bits = shading.points.gather(self.index), shading.bits_of(self.index)
         self.transport = Transport(points, shading.quadrature, bits)
         self._all = (problem, shading.points)
         self.target = self.of(problem.target)

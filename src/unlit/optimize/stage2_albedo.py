@@ -27,6 +27,7 @@ def stage2(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     sample. (Maps that fit an old shading well would hold the light back.)
     """
     settings, stage = problem.settings, problem.settings.stage2
+    dr.eval(shading.bits)  # the sample takes its own from those of all
     sample = LightSample(problem, shading)
     cells = CellRadiance(shading.cells)
     names = ("log_diffuse", "log_specular", *light_parameters(estimate))

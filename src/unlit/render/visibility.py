@@ -71,3 +71,11 @@ def visible(bits: Any, points: Any, point: Any, direction: Any) -> Any:
     """Whether `direction` (UInt32 index) is seen from `point` (UInt32 index), as mi.Bool."""
     word = dr.gather(mi.UInt32, bits, (direction >> 5) * points + point)
     return ((word >> (direction & 31)) & 1) != 0
+
+
+def bits_at(bits: Any, points: int, index: Any) -> Any:
+    """From the bits of `points` points, those of the points at `index` (mi.UInt32)."""
+    count = dr.opaque(mi.UInt32, dr.width(index))
+    own = dr.arange(mi.UInt32, dr.width(bits) // points * dr.width(index))
+    point = dr.gather(mi.UInt32, index, own % count)
+    return dr.gather(mi.UInt32, bits, own // count * dr.opaque(mi.UInt32, points) + point)

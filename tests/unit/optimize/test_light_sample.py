@@ -44,3 +44,16 @@ def test_shading_of_all_pixels_follows_the_sample() -> None:
     unchanged = sample.changed(*sample.transport.shade(device(mi.Float, before)))
     for factor in unchanged:
         assert factor.numpy() == pytest.approx(1, abs=1e-4)
+
+
+def test_the_sample_takes_its_visibility_from_that_of_all() -> None:
+    """Once that is traced; traced for itself it is the same, to the bit."""
+    settings = tiny_run.settings(light_points=80)
+    problem = tiny_run.problem(settings, tiny_run.record())
+    shading = Shading(problem, grid_cells(settings.cell_rows, settings.cell_columns))
+    index = LightSample(problem, shading).index
+    traced = shading.bits_of(index).numpy()
+    assert "bits" not in vars(shading)
+    assert len(shading.bits) > len(traced) > 0
+    np.testing.assert_array_equal(shading.bits_of(index).numpy(), traced)
+    assert 0 < np.unpackbits(traced.view(np.uint8)).mean() < 1
