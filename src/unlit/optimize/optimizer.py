@@ -12,6 +12,7 @@ from typing import Any
 import drjit as dr
 
 from ..machine.runtime import mitsuba
+from ..settings.settings import Settings
 
 mi = mitsuba()
 
@@ -47,6 +48,18 @@ class Adam:
         self.taken = 0
         for name, value in parameters.items():
             self[name] = value
+
+    @staticmethod
+    def of(
+        settings: Settings,
+        parameters: dict[str, Any],
+        rates: dict[str, float],
+        iterations: int,
+        uniform: frozenset[str] = frozenset(),
+    ) -> Adam:
+        """With the decay and the clipping of `settings`."""
+        hold, floor = settings.rate_hold, settings.rate_floor
+        return Adam(parameters, rates, iterations, hold, floor, settings.clip, uniform)
 
     def __getitem__(self, name: str) -> Any:
         return self.values[name]

@@ -10,13 +10,13 @@ import numpy as np
 
 from ..machine.runtime import mitsuba
 from ..scene.arrays import device
-from ..scene.lobes import CellRadiance
 from .blend import Blend
 from .estimate import Estimate
+from .light_steps import LightSteps
 from .losses import image_l1
 from .problem import Problem
 from .shading import LightSample, Shading
-from .stage_run import StageRun, gloss_loss, light_parameters, light_rates, radiance_of, rendered
+from .stage_run import StageRun, gloss_loss, rendered
 
 mi = mitsuba()
 
@@ -29,15 +29,16 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     """
     settings, stage = problem.settings, problem.settings.stage1
     sample = LightSample(problem, shading)
-    cells = CellRadiance(shading.cells)
+    light = LightSteps(settings, stage, estimate, shading.cells, steps=1)
     everywhere, sampled = Blend(problem.regions), Blend(problem.regions[sample.rows])
 
-    diffuse, specular = _starting_colors(problem, sample, cells, estimate)
+    diffuse, specular = _starting_colors(problem, sample, light)
     run = StageRun(
         problem,
         "stage1",
-        {**light_parameters(estimate), "log_diffuse": diffuse, "log_specular": specular},
-        {**light_rates(stage), "log_diffuse": stage.rate, "log_specular": stage.rate},
+        light,
+        {"log_diffuse": diffuse, "log_specular": specular},
+        {"log_diffuse": stage.rate, "log_specular": stage.rate},
     )
     adam = run.adam
 
@@ -47,18 +48,16 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
 
     def spread() -> Estimate:
         diffuse, specular = dr.detach(blended(everywhere))
-        light = run.result(estimate, *light_parameters(estimate))
-        return replace(light, log_diffuse=diffuse, log_specular=specular)
+        return replace(run.result(estimate), log_diffuse=diffuse, log_specular=specular)
 
     level: Any = None
     for iteration in range(stage.iterations):
         refreshed = iteration % settings.refresh_interval == 0
         if refreshed:
-            e, _ = sample.transport.shade(dr.detach(radiance_of(cells, adam)))
+            e, _ = sample.transport.shade(light.known)
             run.normalize_light(e + sample.of(shading.indirect[0]))
-            shading.update(dr.detach(radiance_of(cells, adam)).numpy(), problem.maps(spread()))
-        radiance = radiance_of(cells, adam)
-        e, s = sample.transport.shade(radiance)
+            shading.update(light.known.numpy(), problem.maps(spread()))
+        e, s = sample.transport.shade(light.radiance)
         e, s = e + sample.of(shading.indirect[0]), s + sample.of(shading.indirect[1])
         log_diffuse, log_specular = blended(sampled)
         image = rendered(log_diffuse, log_specular, e, s)
@@ -69,19 +68,18 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
         gain = mean / level
         loss += gloss_loss(settings, log_specular + dr.log(gain), s / gain, sample.weight)
         run.step(loss)
+        light.step()
         run.report(iteration, lambda loss=loss: loss)
         if run.converged:
             break
-    e, _ = sample.transport.shade(dr.detach(radiance_of(cells, adam)))
+    e, _ = sample.transport.shade(light.known)
     run.normalize_light(e + sample.of(shading.indirect[0]))
     return spread()
 
 
-def _starting_colors(
-    problem: Problem, sample: LightSample, cells: CellRadiance, estimate: Estimate
-) -> tuple[Any, Any]:
+def _starting_colors(problem: Problem, sample: LightSample, light: LightSteps) -> tuple[Any, Any]:
     """Log base colours that give each region its median colour under the starting light."""
-    e, _ = sample.transport.shade(device(mi.Float, cells.of(estimate.light())))
+    e, _ = sample.transport.shade(light.known)
     image = problem.observation.image.reshape(-1, 3)[problem.pixel[sample.rows]]
     level = float(np.median(e.numpy()))
     colours = []

@@ -10,11 +10,11 @@ import numpy as np
 
 from ..machine.runtime import mitsuba
 from ..scene.arrays import device
-from ..scene.lobes import CellRadiance
 from .estimate import Estimate
+from .light_steps import LightSteps
 from .problem import Problem
 from .shading import LightSample, Shading
-from .stage_run import StageRun, light_loss, light_parameters, light_rates, radiance_of, trusted
+from .stage_run import StageRun, light_loss, trusted
 
 mi = mitsuba()
 
@@ -29,42 +29,35 @@ def stage2(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     settings, stage = problem.settings, problem.settings.stage2
     dr.eval(shading.bits)  # the sample takes its own from those of all
     sample = LightSample(problem, shading)
-    cells = CellRadiance(shading.cells)
-    names = ("log_diffuse", "log_specular", *light_parameters(estimate))
+    light = LightSteps(settings, stage, estimate, shading.cells, settings.light_steps)
+    names = ("log_diffuse", "log_specular")
     if settings.solver != "adam":
         # So strong is its smoothness that the map ends up with one level: begin there.
         level = float(np.median(estimate.log_specular.numpy()))
         estimate = replace(estimate, log_specular=dr.full(mi.Float, level, len(problem)))
-    run = StageRun.of_maps(
-        problem, "stage2", estimate, light_parameters(estimate), light_rates(stage)
-    )
-    adam = run.adam
+    run = StageRun.of_maps(problem, "stage2", estimate, light, {}, {})
     e: Any = None
     s: Any = None
     weight: Any = None
     for iteration in range(stage.iterations):
         if iteration % settings.refresh_interval == 0:
             if iteration:
-                e, _ = sample.transport.shade(dr.detach(radiance_of(cells, adam)))
+                e, _ = sample.transport.shade(light.known)
                 run.normalize_light(e + sample.of(shading.indirect[0]))
-            known = dr.detach(radiance_of(cells, adam)).numpy()
+            known = light.known.numpy()
             shading.update(known, problem.maps(run.result(estimate, *names)))
             e, s = shading.shade(known)
             weight = trusted(problem, e, run.shading_error)
             dr.eval(e, s)
             sample.hold(shading, *sample.transport.shade(device(mi.Float, known)))
-        direct = sample.transport.shade(radiance_of(cells, adam))
-        of_light = stage.image * light_loss(sample, shading, run, *direct)
-        if run.solver is None:
-            loss = run.map_loss(e, s, weight)
-            run.step(loss + of_light)
-            run.report(iteration, lambda loss=loss: loss)
-        else:
-            factors = sample.changed(*direct)
+        now = (e, s)
+        if run.solver is not None:
+            factors = sample.changed(*sample.transport.shade(light.known))
             now = (e * factors[0], s * factors[1])
-            run.follow(*now, weight)
-            run.step(of_light)
-            run.report(iteration, lambda now=now, weight=weight: run.map_loss(*now, weight))
+        loss_of_light = light_loss(sample, shading, run)
+        run.step(run.follow(*now, weight))
+        light.follow(lambda radiance, of=loss_of_light: of(*sample.transport.shade(radiance)))
+        run.report(iteration, lambda now=now, weight=weight: run.map_loss(*now, weight))
         if run.converged:
             break
     return run.result(estimate, *names)

@@ -12,21 +12,14 @@ from ..machine.runtime import mitsuba
 from ..render.transport import linearize
 from ..scene.arrays import device
 from ..scene.gather import Corners
-from ..scene.lobes import CellRadiance
 from ..scene.maps import Maps
 from ..scene.mesh import surface, vertex_normals
 from .estimate import Estimate
+from .light_steps import LightSteps
 from .losses import landmark_l2, shape_l2
 from .problem import Problem
 from .shading import LightSample, Shading
-from .stage_run import (
-    StageRun,
-    light_loss,
-    light_parameters,
-    light_rates,
-    radiance_of,
-    trusted,
-)
+from .stage_run import StageRun, light_loss, trusted
 
 mi = mitsuba()
 
@@ -98,40 +91,39 @@ def stage3(problem: Problem, estimate: Estimate, shading: Shading) -> tuple[Esti
     steps = mi.ad.LargeSteps(
         dr.ravel(begin), dr.ravel(problem.mesh.triangles), settings.shape_lambda
     )
-    names = ("log_diffuse", "log_specular", *light_parameters(estimate))
+    names = ("log_diffuse", "log_specular")
+    light = LightSteps(settings, stage, estimate, shading.cells, steps=1)
     latent = mi.Float(steps.to_differential(dr.ravel(begin)))
     run = StageRun.of_maps(
         problem,
         "stage3",
         estimate,
-        {**light_parameters(estimate), "latent": latent},
-        {**light_rates(stage), "latent": stage.rate * settings.shape_rate},
+        light,
+        {"latent": latent},
+        {"latent": stage.rate * settings.shape_rate},
         uniform=frozenset({"latent"}),
     )
     adam = run.adam
     landmarks = Landmarks(problem)
-    cells = CellRadiance(shading.cells)
     linear = _Linearised(problem, shading, begin)
     for iteration in range(stage.iterations):
         vertices = dr.unravel(mi.Point3f, steps.from_differential(adam["latent"]))
         if iteration % settings.refresh_interval == 0:
             if iteration:
-                e, _ = linear.sampled(dr.detach(radiance_of(cells, adam)))
+                e, _ = linear.sampled(light.known)
                 run.normalize_light(e + linear.sample.of(linear.shading.indirect[0]))
-            radiance = dr.detach(radiance_of(cells, adam))
-            linear.refresh(vertices, radiance, problem.maps(run.result(estimate, *names)))
-        radiance = radiance_of(cells, adam)
-        direct = linear.sampled(radiance)
+            linear.refresh(vertices, light.known, problem.maps(run.result(estimate, *names)))
         e, s = linear.shade(vertices)
         if run.solver is not None:
-            factors = linear.sample.changed(*direct)
+            factors = linear.sample.changed(*linear.sampled(light.known))
             e, s = e * factors[0], s * factors[1]
+        loss_of_light = light_loss(linear.sample, linear.shading, run)
         now = (dr.detach(e), dr.detach(s))
         loss = run.follow(e, s, linear.weight)
         held = stage.landmark * landmarks.loss(vertices)
         held += stage.shape * shape_l2(vertices, fitted, settings.shape_unit)
-        of_light = light_loss(linear.sample, linear.shading, run, *direct)
-        run.step(loss + held + stage.image * of_light)
+        run.step(loss + held)
+        light.follow(lambda radiance, of=loss_of_light: of(*linear.sampled(radiance)))
         run.report(iteration, lambda now=now, held=held: run.map_loss(*now, linear.weight) + held)
         if run.converged:
             break

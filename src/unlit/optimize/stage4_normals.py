@@ -28,9 +28,9 @@ def _normals_and_albedo(
     names = ("log_diffuse", "log_specular", "perturbation")
     if settings.solver == "adam":
         normals = {"perturbation": estimate.perturbation}
-        run = StageRun.of_maps(problem, name, estimate, normals, {"perturbation": stage.rate})
+        run = StageRun.of_maps(problem, name, estimate, None, normals, {"perturbation": stage.rate})
     else:
-        run = StageRun.of_maps(problem, name, estimate, {}, {})
+        run = StageRun.of_maps(problem, name, estimate, None, {}, {})
         assert run.solver is not None
         run.solver.follow_normals(estimate.perturbation)
     blur = Blur(problem.pixel, problem.camera.width, problem.camera.height, DIFFUSE_BLUR)

@@ -17,6 +17,7 @@ from ..scene.lobes import CellRadiance
 from ..settings.settings import Settings
 from ..settings.table1 import Stage
 from .estimate import Estimate
+from .light_steps import LightSteps
 from .losses import encode, gloss_l1, image_l1, total_variation
 from .optimizer import Adam
 from .primal_dual import PrimalDual
@@ -33,39 +34,34 @@ REPORT = 25
 class StageRun:
     """The bookkeeping of one stage: its optimisers and its report.
 
-    parameters, rates, uniform: of Adam. solver: of what Adam does not hold, if there is one.
+    light: None where it is fixed. parameters, rates, uniform: of Adam, besides the light's. solver:
+    of what Adam does not hold, if there is one.
     """
 
     def __init__(
         self,
         problem: Problem,
         name: str,
+        light: LightSteps | None,
         parameters: dict[str, Any],
         rates: dict[str, float],
         uniform: frozenset[str] = frozenset(),
         solver: PrimalDual | None = None,
     ) -> None:
-        self.problem, self.name, self.solver = problem, name, solver
+        self.problem, self.name, self.light, self.solver = problem, name, light, solver
         self.settings: Settings = problem.settings
         self.stage: Stage = getattr(problem.settings, name)
         #: Whether the loss has stopped changing.
         self.converged = False
         self._reported: float | None = None
-        self.adam = Adam(
-            parameters,
-            rates,
-            self.stage.iterations,
-            self.settings.rate_hold,
-            self.settings.rate_floor,
-            self.settings.clip,
-            uniform,
-        )
+        self.adam = Adam.of(self.settings, parameters, rates, self.stage.iterations, uniform)
 
     @staticmethod
     def of_maps(
         problem: Problem,
         name: str,
         estimate: Estimate,
+        light: LightSteps | None,
         others: dict[str, Any],
         rates: dict[str, float],
         uniform: frozenset[str] = frozenset(),
@@ -73,13 +69,16 @@ class StageRun:
         """Of a stage with albedo maps; others, rates: what it has besides, and Adam's rates."""
         settings = problem.settings
         if settings.solver == "adam":
-            maps = {"log_diffuse": estimate.log_diffuse, "log_specular": estimate.log_specular}
+            maps = {
+                "log_diffuse": estimate.log_diffuse,
+                "log_specular": estimate.log_specular,
+            }
             stage: Stage = getattr(settings, name)
             rates = rates | dict.fromkeys(maps, stage.rate)
-            return StageRun(problem, name, others | maps, rates, uniform)
+            return StageRun(problem, name, light, others | maps, rates, uniform)
         state = {field: getattr(estimate, field) for field in PrimalDual.STATE}
         solver = PrimalDual(problem.neighbours, problem.target, settings, state)
-        return StageRun(problem, name, others, rates, uniform, solver)
+        return StageRun(problem, name, light, others, rates, uniform, solver)
 
     def __getitem__(self, name: str) -> Any:
         return self.adam[name] if name in self.adam.values else getattr(self.solver, name)
@@ -87,14 +86,9 @@ class StageRun:
     def step(self, loss: Any) -> None:
         """Back-propagate, let Adam take one step, keep its parameters in range."""
         adam, settings = self.adam, self.settings
-        if adam.rates:  # else nothing has a gradient
+        if dr.grad_enabled(loss):  # not where all that it depends on has a rate of 0
             dr.backward(loss)
-            adam.step()
-        if "axis" in adam.rates:
-            adam["axis"] = dr.normalize(adam["axis"])
-        if "log_sharpness" in adam.rates:
-            low, high = np.log(settings.min_sharpness), np.log(settings.max_sharpness)
-            adam["log_sharpness"] = dr.clip(adam["log_sharpness"], low, high)
+        adam.step()
         if self.solver is None:
             adam["log_specular"] = dr.fmin(adam["log_specular"], np.log(settings.max_specular))
             adam["log_diffuse"] = dr.fmin(adam["log_diffuse"], np.log(settings.max_diffuse))
@@ -113,16 +107,19 @@ class StageRun:
     def normalize_light(self, e: Any) -> None:
         """Fix the gain between light and albedo by the diffuse shading E, as `with_unit_light`."""
         shift = float(np.log(brightest(e)))
+        if self.light is not None:
+            self.light.brighten(-shift)
         if self.solver is not None:
             self.solver.brighten(shift)
-        for name, sign in (("log_diffuse", 1), ("log_specular", 1), ("log_amplitude", -1)):
+        for name in ("log_diffuse", "log_specular"):
             if name in self.adam.values:
-                self.adam[name] = dr.detach(self.adam[name]) + dr.opaque(mi.Float, sign * shift)
+                self.adam[name] = dr.detach(self.adam[name]) + dr.opaque(mi.Float, shift)
 
     def result(self, estimate: Estimate, *names: str) -> Estimate:
-        """`estimate` with the named parameters, and what the solver holds, as they are now."""
+        """`estimate` with the named parameters, the light and what the solver holds, as it is."""
         names += () if self.solver is None else PrimalDual.STATE
-        return replace(estimate, **{name: dr.detach(self[name]) for name in names})
+        lobes = {} if self.light is None else self.light.lobes()
+        return replace(estimate, **lobes, **{name: dr.detach(self[name]) for name in names})
 
     def map_loss(self, e: Any, s: Any, weight: Any) -> Any:
         """What stages 2 to 5 ask of the albedo maps: the image, smoothness, plain gloss."""
@@ -178,27 +175,6 @@ class StageRun:
         return self.settings.detail_smoothness if self.name == "stage5" else 1.0
 
 
-def light_parameters(estimate: Estimate) -> dict[str, Any]:
-    """The lobes' parameters, by their names in Adam."""
-    return {name: getattr(estimate, name) for name in ("axis", "log_sharpness", "log_amplitude")}
-
-
-def light_rates(stage: Stage) -> dict[str, float]:
-    """Their rates, the last columns of Table 1."""
-    return {
-        "axis": stage.axis_rate,
-        "log_sharpness": stage.sharpness_rate,
-        "log_amplitude": stage.amplitude_rate,
-    }
-
-
-def radiance_of(cell_radiance: CellRadiance, adam: Adam) -> Any:
-    """Mean radiance of each cell (mi.Float, D) under the lobes as they are."""
-    return cell_radiance(
-        dr.normalize(adam["axis"]), dr.exp(adam["log_sharpness"]), dr.exp(adam["log_amplitude"])
-    )
-
-
 def rendered(log_diffuse: Any, log_specular: Any, e: Any, s: Any) -> Any:
     """I = rho_d E + rho_s S, mi.Color3f."""
     return dr.exp(log_diffuse) * e + dr.exp(log_specular) * s
@@ -238,15 +214,18 @@ def trusted(problem: Problem, e: Any, error: Any) -> Any:
     return weight
 
 
-def light_loss(sample: LightSample, shading: Shading, run: StageRun, e: Any, s: Any) -> Any:
-    """Image loss of the sampled pixels as a function of the light alone, the maps as they are."""
-    image = rendered(
-        sample.of(dr.detach(run["log_diffuse"])),
-        sample.of(dr.detach(run["log_specular"])),
-        e + sample.of(shading.indirect[0]),
-        s + sample.of(shading.indirect[1]),
-    )
-    return image_l1(image, sample.target, sample.weight)
+def light_loss(sample: LightSample, shading: Shading, run: StageRun) -> Callable[[Any, Any], Any]:
+    """Image loss of the sample, with the maps as they are, as a function of its direct E and S."""
+    names = ("log_diffuse", "log_specular")
+    maps = [sample.of(dr.detach(run[name])) for name in names]
+    indirect = [sample.of(x) for x in shading.indirect]
+    dr.eval(maps, indirect)
+
+    def loss(e: Any, s: Any) -> Any:
+        image = rendered(maps[0], maps[1], e + indirect[0], s + indirect[1])
+        return run.stage.image * image_l1(image, sample.target, sample.weight)
+
+    return loss
 
 
 def with_unit_light(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:

@@ -121,6 +121,8 @@ class Settings:
 
     #: Pixels, evenly spread, from which the light's gradient is taken.
     light_points: Annotated[int, Meta(ge=1, le=2048 * 2048)] = 4000
+    #: Steps of the light for each step of the maps in stage 2.
+    light_steps: Count = 1
     #: Cells of the light: rows, columns of the regular grid; split further where the light is
     #: steep, up to `max_cells`, after stage 1.
     cell_rows: Annotated[int, Meta(ge=2, le=500)] = 18
@@ -180,11 +182,12 @@ STANDARD = replace(
         sharpness_rate=0.2,
         amplitude_rate=0.2,
     ),
-    stage2=replace(TABLE_1["stage2"], iterations=100),
+    stage2=replace(TABLE_1["stage2"], iterations=80),
     stage3=replace(TABLE_1["stage3"], iterations=60),
     stage4=replace(TABLE_1["stage4"], iterations=40),
     stage5=replace(TABLE_1["stage5"], iterations=50),
     solver="primal-dual",
+    light_steps=4,
     tolerance=0.005,
     rate_hold=0.3,
     refresh_interval=25,

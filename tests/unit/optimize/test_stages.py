@@ -158,6 +158,17 @@ def test_a_light_of_no_rate_stays(solver: str) -> None:
     assert not np.array_equal(after["log_diffuse"], begin.arrays()["log_diffuse"])
 
 
+def test_a_colour_of_no_rate_leaves_stage_1_its_light() -> None:
+    settings = tiny_run.settings()
+    settings = replace(settings, stage1=replace(settings.stage1, iterations=2, rate=0.0))
+    problem = tiny_run.problem(settings)
+    shading = Shading(problem, grid_cells(settings.cell_rows, settings.cell_columns))
+    begin = start(problem)
+    after = stage1(problem, begin, shading).arrays()
+    assert np.ptp(after["log_amplitude"] - begin.arrays()["log_amplitude"]) > 1e-3
+    assert np.ptp(after["log_specular"]) < 1e-5  # one colour, but for its gain
+
+
 @pytest.mark.parametrize(
     ("losses", "ends"),
     [((1, 1.006), False), ((1, 0.99), False), ((1, 1.004), True), ((0, 0), False)],
@@ -165,7 +176,7 @@ def test_a_light_of_no_rate_stays(solver: str) -> None:
 def test_a_stage_ends_when_its_loss_stays(losses: tuple[float, float], ends: bool) -> None:
     """It goes on where the loss rises: something has been upset that will come down again."""
     problem = tiny_run.problem(replace(tiny_run.settings(), tolerance=0.005))
-    run = StageRun(problem, "stage1", {}, {})
+    run = StageRun(problem, "stage1", None, {}, {})
     for k, loss in enumerate(losses):
         run.report(k * REPORT, lambda loss=loss: mi.Float(loss))
     assert run.converged == ends
