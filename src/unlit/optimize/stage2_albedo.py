@@ -54,9 +54,9 @@ def stage2(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
         if run.solver is not None:
             factors = sample.changed(*sample.transport.shade(light.known))
             now = (e * factors[0], s * factors[1])
-        loss_of_light = light_loss(sample, shading, run)
+        loss_of_light = light_loss(sample, shading, run, sample.transport.shade)
         run.step(run.follow(*now, weight))
-        light.follow(lambda radiance, of=loss_of_light: of(*sample.transport.shade(radiance)))
+        light.follow(loss_of_light)
         run.report(iteration, lambda now=now, weight=weight: run.map_loss(*now, weight))
         if run.converged:
             break

@@ -117,13 +117,13 @@ def stage3(problem: Problem, estimate: Estimate, shading: Shading) -> tuple[Esti
         if run.solver is not None:
             factors = linear.sample.changed(*linear.sampled(light.known))
             e, s = e * factors[0], s * factors[1]
-        loss_of_light = light_loss(linear.sample, linear.shading, run)
+        loss_of_light = light_loss(linear.sample, linear.shading, run, linear.sampled)
         now = (dr.detach(e), dr.detach(s))
         loss = run.follow(e, s, linear.weight)
         held = stage.landmark * landmarks.loss(vertices)
         held += stage.shape * shape_l2(vertices, fitted, settings.shape_unit)
         run.step(loss + held)
-        light.follow(lambda radiance, of=loss_of_light: of(*linear.sampled(radiance)))
+        light.follow(loss_of_light)
         run.report(iteration, lambda now=now, held=held: run.map_loss(*now, linear.weight) + held)
         if run.converged:
             break

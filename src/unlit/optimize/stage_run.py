@@ -214,14 +214,20 @@ def trusted(problem: Problem, e: Any, error: Any) -> Any:
     return weight
 
 
-def light_loss(sample: LightSample, shading: Shading, run: StageRun) -> Callable[[Any, Any], Any]:
-    """Image loss of the sample, with the maps as they are, as a function of its direct E and S."""
+def light_loss(
+    sample: LightSample, shading: Shading, run: StageRun, shade: Callable[[Any], tuple[Any, Any]]
+) -> Callable[[Any], Any]:
+    """Image loss of the sample as a function of the cells' radiance, with the maps as they are.
+
+    shade: the sample's direct E and S under a radiance.
+    """
     names = ("log_diffuse", "log_specular")
     maps = [sample.of(dr.detach(run[name])) for name in names]
     indirect = [sample.of(x) for x in shading.indirect]
     dr.eval(maps, indirect)
 
-    def loss(e: Any, s: Any) -> Any:
+    def loss(radiance: Any) -> Any:
+        e, s = shade(radiance)
         image = rendered(maps[0], maps[1], e + indirect[0], s + indirect[1])
         return run.stage.image * image_l1(image, sample.target, sample.weight)
 
