@@ -2,7 +2,7 @@
 
     import unlit
 
-    result = unlit.reconstruct("portrait.jpg")          # minutes; NumPy arrays, linear sRGB
+    result = unlit.reconstruct("portrait.jpg")          # a minute; NumPy arrays, linear sRGB
     result.face.maps.diffuse_albedo                     # what belongs to the person
     result.light                                        # and to the moment of the photo
     picture = result.relight(unlit.lights.flash())      # (512, 512, 3), under another light

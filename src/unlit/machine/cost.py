@@ -1,7 +1,7 @@
 """What a reconstruction will take of a machine, said before it starts: memory and time.
 
-Both grow with the pixels of the crop. The memory and the pace of the stages are those of
-benchmarks/scaling.py on two cores of a server, the rest is what whole commands took there
+Both grow with the pixels of the crop. The pace of Adam's stages is that of benchmarks/scaling.py
+on two cores of a server; memory, the pace of the others and the rest are what commands took there
 (docs/method.md, "Speed and memory"); another machine is faster or slower by a factor, and the
 progress bar measures it.
 """

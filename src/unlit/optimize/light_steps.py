@@ -22,7 +22,7 @@ mi = mitsuba()
 class LightSteps:
     """The lobes of `estimate`, which Adam moves at the rates of `stage`.
 
-    steps: of Adam in one call of `follow`, of which the stage has one in each iteration.
+    steps: of Adam in each iteration of the stage: in one call of `follow`, or by `step`.
     """
 
     def __init__(

@@ -127,8 +127,9 @@ class PrimalDual:
         # The cost of gloss, per unit of log specular albedo at the nominal level.
         cost = self.settings.specular_cost * self.settings.nominal_specular
         cost = cost * weight * dr.mean(mi.Color3f(s))
-        level = dr.fmin(_towards(level, self.nominal, pace * cost), self.most_specular)
+        level = _towards(level, self.nominal, pace * cost)
         level += self._of_all(by_gloss, image / 3 * weight * dr.sum(by_specular), cost)
+        level = dr.fmin(level, self.most_specular)
         self.ahead = (2 * moved - self.diffuse, 2 * level - self.log_specular)
         self.diffuse, self.log_specular = moved, level
         dr.eval(moved, level, self.ahead)

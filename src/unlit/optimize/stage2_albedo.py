@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import drjit as dr
-import numpy as np
 
 from ..machine.runtime import mitsuba
 from ..scene.arrays import device
@@ -22,19 +20,16 @@ mi = mitsuba()
 def stage2(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     """Low-frequency albedo: maps under strong smoothness, jointly with the light (section 3.2).
 
-    The light follows the image loss of a sample of the pixels. The maps see the shading of all,
-    computed every `refresh_interval` iterations; how the light has changed it since is seen in the
-    sample. (Maps that fit an old shading well would hold the light back.)
+    The light follows the image loss of a sample of the pixels, in `light_steps` steps of each
+    iteration. The maps see the shading of all, computed every `refresh_interval` iterations; how
+    the light has changed it since is seen in the sample. (Maps that fit an old shading well, as
+    those of the primal-dual solver do, would hold the light back; Adam's take it as it was.)
     """
     settings, stage = problem.settings, problem.settings.stage2
     dr.eval(shading.bits)  # the sample takes its own from those of all
     sample = LightSample(problem, shading)
     light = LightSteps(settings, stage, estimate, shading.cells, settings.light_steps)
     names = ("log_diffuse", "log_specular")
-    if settings.solver != "adam":
-        # So strong is its smoothness that the map ends up with one level: begin there.
-        level = float(np.median(estimate.log_specular.numpy()))
-        estimate = replace(estimate, log_specular=dr.full(mi.Float, level, len(problem)))
     run = StageRun.of_maps(problem, "stage2", estimate, light, {}, {})
     e: Any = None
     s: Any = None
@@ -55,7 +50,7 @@ def stage2(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
             factors = sample.changed(*sample.transport.shade(light.known))
             now = (e * factors[0], s * factors[1])
         loss_of_light = light_loss(sample, shading, run, sample.transport.shade)
-        run.step(run.follow(*now, weight))
+        run.step(run.loss_after_maps(*now, weight))
         light.follow(loss_of_light)
         run.report(iteration, lambda now=now, weight=weight: run.map_loss(*now, weight))
         if run.converged:

@@ -83,7 +83,7 @@ def stage3(problem: Problem, estimate: Estimate, shading: Shading) -> tuple[Esti
     """Shape: vertices through the large-steps preconditioner, textures in image space (3.3).
 
     Shading is linearised in the normals and refreshed every `refresh_interval` iterations. The
-    light is followed as in stage 2.
+    light is followed as in stage 2, by one step in each iteration.
     """
     settings, stage = problem.settings, problem.settings.stage3
     begin = mi.Point3f(estimate.vertices)
@@ -119,7 +119,7 @@ def stage3(problem: Problem, estimate: Estimate, shading: Shading) -> tuple[Esti
             e, s = e * factors[0], s * factors[1]
         loss_of_light = light_loss(linear.sample, linear.shading, run, linear.sampled)
         now = (dr.detach(e), dr.detach(s))
-        loss = run.follow(e, s, linear.weight)
+        loss = run.loss_after_maps(e, s, linear.weight)
         held = stage.landmark * landmarks.loss(vertices)
         held += stage.shape * shape_l2(vertices, fitted, settings.shape_unit)
         run.step(loss + held)

@@ -26,12 +26,10 @@ def _normals_and_albedo(
     settings: Settings = problem.settings
     stage: Stage = getattr(settings, name)
     names = ("log_diffuse", "log_specular", "perturbation")
-    if settings.solver == "adam":
-        normals = {"perturbation": estimate.perturbation}
-        run = StageRun.of_maps(problem, name, estimate, None, normals, {"perturbation": stage.rate})
-    else:
-        run = StageRun.of_maps(problem, name, estimate, None, {}, {})
-        assert run.solver is not None
+    by_adam = {"perturbation": estimate.perturbation} if settings.solver == "adam" else {}
+    rates = dict.fromkeys(by_adam, stage.rate)
+    run = StageRun.of_maps(problem, name, estimate, None, by_adam, rates)
+    if run.solver is not None:
         run.solver.follow_normals(estimate.perturbation)
     blur = Blur(problem.pixel, problem.camera.width, problem.camera.height, DIFFUSE_BLUR)
     mesh_normal = problem.points().specular_normal
@@ -52,7 +50,7 @@ def _normals_and_albedo(
         e, s = local.shade(diffuse_normal, specular_normal)
         e, s = e + shading.indirect[0], s + shading.indirect[1]
         now = (dr.detach(e), dr.detach(s), weight)
-        loss = run.follow(e, s, weight)
+        loss = run.loss_after_maps(e, s, weight)
         cost = stage.normal * settings.normal_scale
         held = cost * normal_l2(perturbation)
         if run.solver is None:

@@ -130,11 +130,10 @@ class StageRun:
         loss += smoothness_loss(stage, problem, log_diffuse, log_specular, self._detail)
         return loss + gloss_loss(problem.settings, log_specular, s, weight)
 
-    def follow(self, e: Any, s: Any, weight: Any) -> Any:
-        """The loss through which mesh and normals follow the shading E, S.
+    def loss_after_maps(self, e: Any, s: Any, weight: Any) -> Any:
+        """What mesh and normals are to go down of, as a function of the shading E, S.
 
-        It is the same thing under Adam, which follows it with the maps, too. The primal-dual solver
-        has them take their steps here.
+        The primal-dual solver has the maps take their step first; Adam moves them with the rest.
         """
         if self.solver is None:
             return self.map_loss(e, s, weight)

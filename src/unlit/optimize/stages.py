@@ -8,7 +8,7 @@ in the order of the paper's equations; the weights and rates are the columns of 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import drjit as dr
@@ -47,6 +47,16 @@ def start(problem: Problem) -> Estimate:
         dr.zeros(mi.Vector4f, count),
         dr.zeros(mi.Vector4f, count),
     )
+
+
+def _with_one_gloss(estimate: Estimate) -> Estimate:
+    """Specular albedo at the median of its regions, where stage 2 is to begin.
+
+    So strong is that stage's smoothness that the map ends up with one level.
+    """
+    level = float(np.median(estimate.log_specular.numpy()))
+    count = dr.width(estimate.log_specular)
+    return replace(estimate, log_specular=dr.full(mi.Float, level, count))
 
 
 @dataclass(frozen=True)
@@ -94,6 +104,8 @@ def run_stages(
     shading = Shading(problem, begin.cells or (refined(estimate) if done else regular))
     if done < 1:
         estimate = stage1(problem, estimate, shading)
+        if settings.solver != "adam":
+            estimate = _with_one_gloss(estimate)
         shading = shading.under(refined(estimate))
         estimate = ended("stage1", estimate, shading)
     if done < 2:

@@ -77,11 +77,11 @@ class Settings:
     #: A stage ends before its last iteration when its loss has changed by less than this share over
     #: REPORT iterations (optimize/stage_run.py); 0: never.
     tolerance: Annotated[float, Meta(ge=0, lt=1)] = 0.0
-    #: Share of each stage at the full learning rates (in the paper they are constant), and share of
-    #: them that is left at the stage's end, reached on a cosine curve.
+    #: Share of each stage's iterations at the full learning rates of Adam (in the paper they are
+    #: constant), and share of them that is left at the last one, reached on a cosine curve.
     rate_hold: Annotated[float, Meta(ge=0, lt=1)] = 0.5
     rate_floor: Share = 0.02
-    #: Every element of every gradient is clipped to [-clip, clip] (paper, section 4).
+    #: Every element of every gradient of Adam's is clipped to [-clip, clip] (paper, section 4).
     clip: Positive = 1.0
 
     #: Starting sharpness of the 648 lobes; 46: half the peak at the neighbour's axis.
@@ -170,8 +170,10 @@ class Settings:
         return {name: counts[name] for name in list(counts)[done:]}
 
 
-#: The weights of Table 1, other steps, a twelfth of the iterations. Stage 1 has few unknowns and
-#: takes larger steps; the other stages begin where the one before ended and have a short way to go.
+#: The weights of Table 1, but the shape is held a quarter as hard (`shape_unit`) and albedo that is
+#: not seen is held, too (`unseen_cost`); other steps, a twelfth of the iterations. Stage 1 has few
+#: unknowns and takes larger steps. Stages 2 to 4 end before they have converged: longer ones gain
+#: on some inputs and lose on others.
 STANDARD = replace(
     Settings(),
     stage1=replace(

@@ -90,6 +90,18 @@ def test_a_painted_albedo_is_the_start(face, tmp_path):
     assert set(result.metrics.losses) == {"stage1", "stage2", "stage3", "stage4"}
 
 
+@pytest.mark.parametrize("solver", ["adam", "primal-dual"])
+def test_painted_gloss_is_the_start(face, solver):
+    """Stage 2 begins with the map as it is, not with one level, as it does after stage 1."""
+    gloss = face.face.maps.specular_albedo.copy()
+    gloss[:, : tiny_run.SIZE // 2] *= 0.5
+    painted = changed(face, {"face.maps.specular_albedo": gloss})
+    result = resume(painted, 2, replace(still(2, 3, 4, 5), solver=solver))
+    inside = result.face.mask > 0
+    ratio = (result.face.maps.specular_albedo / gloss)[inside]
+    np.testing.assert_allclose(ratio, ratio.mean(), rtol=1e-4)
+
+
 @pytest.mark.parametrize("stage", [2, 3, 4])
 def test_every_stage_can_be_the_first(face, stage):
     """The earlier ones' losses are kept, the later ones run on the smaller mask."""
