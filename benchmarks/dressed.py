@@ -1,0 +1,353 @@
+"""Heads with hair, brows, beards, glasses, hats and hands, photographed, and what is what in them.
+
+The truth is counted: rays through every pixel are asked what they hit first.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import numpy as np
+from heads import Head
+from scipy import ndimage
+from scipy.spatial.transform import Rotation
+from strands import Strands, noise
+
+from unlit.head.model import VERTEX_REGIONS
+from unlit.machine.runtime import mitsuba
+from unlit.render.reference import mitsuba_environment
+from unlit.scene.arrays import device
+from unlit.scene.camera import Camera
+
+mi = mitsuba()
+
+#: What the truth tells apart, in the order of `Scene.shares`. A clear lens lies over another class.
+CLASSES = (
+    *("background", "skin", "lips", "eyes", "eyebrows", "mouth", "hair", "beard"),
+    *("frame", "clear lens", "tinted lens", "cloth", "hand"),
+)
+#: Of light between hair, skin and what is worn.
+BOUNCES = 4
+#: Of the default head model's regions (head/model.py), what each is here.
+_OF_REGION = {"scalp": "skin", "neck": "skin", "ears": "skin", "eyebrows": "skin"}
+
+
+@dataclass(frozen=True)
+class Look:
+    """Colours, linear sRGB: of skin, lips, iris, hair, brows and beard; gloss of the skin."""
+
+    skin: tuple[float, float, float] = (0.5, 0.33, 0.26)
+    lips: tuple[float, float, float] = (0.4, 0.17, 0.16)
+    iris: tuple[float, float, float] = (0.06, 0.035, 0.02)
+    hair: tuple[float, float, float] = (0.03, 0.02, 0.012)
+    brow: tuple[float, float, float] = (0.03, 0.02, 0.012)
+    beard: tuple[float, float, float] = (0.03, 0.02, 0.012)
+    roughness: float = 0.4
+
+
+@dataclass(frozen=True)
+class Dressed:
+    """A head and what grows on it and is worn: strands by class, and meshes (worn.py)."""
+
+    head: Head
+    look: Look
+    strands: dict[str, list[Strands]] = field(default_factory=dict)
+    worn: list[Any] = field(default_factory=list)
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class View:
+    """How a head is turned (yaw, pitch, roll, degrees) and how far the camera is, cm."""
+
+    yaw: float = 0.0
+    pitch: float = 0.0
+    roll: float = 0.0
+    distance: float = 100.0
+    width: float = 30.0  # cm that the picture shows at the head
+
+
+class Scene:
+    """A dressed head before a camera of `size` pixels a side.
+
+    grid: rows and columns of the rays in each pixel that the truth is counted with.
+    """
+
+    def __init__(self, dressed: Dressed, view: View, size: int, grid: int = 5) -> None:
+        self.dressed, self.size, self.grid = dressed, size, grid
+        self.camera = Camera(size, size, size * view.distance / view.width, size / 2, size / 2)
+        turn = Rotation.from_euler("zxy", [view.roll, view.pitch, view.yaw], degrees=True)
+        head = dressed.head
+        middle = np.nanmean(head.landmarks, axis=0) + np.array([0, 1.0, -4.0])
+        offset = np.array([0, 0, -view.distance])
+        self.place: Callable[[np.ndarray], np.ndarray] = lambda p: (
+            turn.apply(p.reshape(-1, 3) - middle).reshape(p.shape) + offset
+        )
+        self.turn = turn
+        self._objects, self._classes = self._build()
+        self._lit: Any = None
+
+    def photograph(self, environment: np.ndarray, samples: int, seed: int = 0) -> np.ndarray:
+        """(S, S, 4) float32: linear radiance, and the share of each pixel that is not background.
+
+        environment: (H, W, 3) in the camera's frame (scene/light.py).
+        """
+        light = {"type": "envmap", "bitmap": mitsuba_environment(environment)}
+        if self._lit is None:
+            self._lit = mi.load_dict({"type": "scene", "light": light, **self._objects})
+        else:  # a new scene would be a new kernel
+            parameters = mi.traverse(self._lit)
+            parameters["light.data"] = mi.traverse(mi.load_dict(light))["data"]
+            parameters.update()
+        scene = self._lit
+        integrator = mi.load_dict({"type": "path", "max_depth": BOUNCES + 1, "hide_emitters": True})
+        # Passes bound the wavefront's memory.
+        passes = max(1, samples * self.size**2 // 2**22)
+        view = self.camera.mitsuba_sensor(-(-samples // passes))
+        view["sampler"]["type"] = "multijitter"
+        view["film"]["pixel_format"] = "rgba"
+        sensor = mi.load_dict(view)
+        _opaque(scene, sensor)
+        total = np.zeros((self.size, self.size, 4), np.float32)
+        for k in range(passes):
+            total += mi.render(
+                scene, sensor=sensor, integrator=integrator, seed=seed * 1000 + k
+            ).numpy()
+        return _without_fireflies(total / passes)
+
+    @cached_property
+    def shares(self) -> np.ndarray:
+        """(S, S, len(CLASSES)) float32: the share of each class in each pixel.
+
+        A clear lens is counted beside what is seen through it: the others sum to 1.
+        """
+        return self._count(self.grid)
+
+    def landmarks(self) -> np.ndarray:
+        """The true landmarks (478, 2), pixels."""
+        return self.camera.project(self.place(self.dressed.head.landmarks))
+
+    def _count(self, grid: int) -> np.ndarray:
+        scene = mi.load_dict({"type": "scene", **self._objects})
+        table = self._class_of_shape(scene)
+        size, total = self.size, np.zeros((self.size**2, len(CLASSES)), np.float32)
+        ys, xs = np.mgrid[0:size, 0:size]
+        for a in range(grid):
+            for b in range(grid):
+                at = np.stack([xs + (b + 0.5) / grid, ys + (a + 0.5) / grid], axis=-1)
+                rays = self.camera.unproject(at.reshape(-1, 2), 1.0)
+                rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+                self._first_hits(scene, table, rays, total)
+        return (total / grid**2).reshape(size, size, len(CLASSES))
+
+    def _first_hits(
+        self, scene: Any, table: dict[int, str], rays: np.ndarray, total: np.ndarray
+    ) -> None:
+        direction = mi.Vector3f(np.ascontiguousarray(rays.T, np.float32))
+        ray = mi.Ray3f(mi.Point3f(0), direction)
+        rows = np.arange(len(rays))
+        lens, open_ = CLASSES.index("clear lens"), np.ones(len(rays), bool)
+        passed = np.zeros(len(rays), bool)
+        for _ in range(5):  # a lens may have two faces, and there are two lenses
+            si = scene.ray_intersect(ray)
+            found = self._class_at(si, table)
+            through = open_ & (found == lens)
+            done = open_ & ~through
+            total[rows[done], found[done]] += 1
+            passed |= through
+            open_ = through
+            if not open_.any():
+                break
+            ray = si.spawn_ray(direction)
+        total[passed, lens] += 1
+
+    def _class_of_shape(self, scene: Any) -> dict[int, str]:
+        return {int(_number(mi.ShapePtr(shape))[0]): shape.id() for shape in scene.shapes()}
+
+    def _class_at(self, si: Any, table: dict[int, str]) -> np.ndarray:
+        shape = _number(si.shape)
+        found = np.zeros(len(shape), np.int64)
+        primitive = si.prim_index.numpy()
+        for pointer, name in table.items():
+            here = shape == pointer
+            if not here.any():
+                continue
+            if name == "head":
+                found[here] = self._classes[primitive[here]]
+            else:
+                found[here] = CLASSES.index(name.split("#")[0])
+        return found
+
+    def _build(self) -> tuple[dict[str, Any], np.ndarray]:
+        dressed = self.dressed
+        head = dressed.head
+        objects: dict[str, Any] = {"head": self._head()}
+        colours = {"hair": dressed.look.hair, "eyebrows": dressed.look.brow}
+        colours["beard"] = dressed.look.beard
+        for kind, several in dressed.strands.items():
+            for k, strands in enumerate(several):
+                if len(strands.points):
+                    objects[f"{kind}#{k}"] = self._curves(strands, colours[kind])
+        objects["mouth#teeth"] = self._teeth()
+        for k, piece in enumerate(dressed.worn):
+            objects[f"{piece.kind}#{k}"] = _mesh(
+                f"{piece.kind}#{k}", piece.material, self.place(piece.vertices), piece.triangles
+            )
+        region = np.array([_class_of(name) for name in VERTEX_REGIONS])[head.region]
+        return objects, np.median(region[head.triangles], axis=1).astype(int)
+
+    def _head(self) -> Any:
+        head, look = self.dressed.head, self.dressed.look
+        colour = _painted(head, look, self.dressed.seed)
+        material = {
+            "type": "twosided",
+            "bsdf": {
+                "type": "principled",
+                "base_color": {"type": "mesh_attribute", "name": "vertex_color"},
+                "roughness": look.roughness,
+                "specular": 0.45,
+            },
+        }
+        return _mesh("head", material, self.place(head.vertices), head.triangles, colour)
+
+    def _teeth(self) -> Any:
+        """Both rows, behind the lips: two curved strips, dark between the teeth."""
+        lm = self.dressed.head.landmarks
+        vertices, triangles, colours = [], [], []
+        across, up = 97, 6
+        s = np.linspace(-1, 1, across)
+        half = 0.95 * 0.5 * np.linalg.norm(lm[308] - lm[78])
+        for lip, sign in ((13, -1.0), (14, 1.0)):
+            top = lm[lip] + (0, -0.35 * sign, -0.75)
+            height = np.linspace(0, 0.95, up)
+            x = lm[13, 0] + half * s
+            y = top[1] + sign * height[:, None] + 0 * s
+            z = top[2] - 0.8 * half * s**2 + 0 * y
+            grid = np.stack([np.broadcast_to(x, y.shape), y, z], axis=-1).reshape(-1, 3)
+            gap = np.abs((s * 5.5) % 1 - 0.5) > 0.42
+            tone = np.where(gap, 0.12, 0.5) * (1 - 0.5 * np.abs(s))
+            colour = tone[None, :, None] * np.array([1.0, 0.93, 0.8]) * np.ones((up, 1, 1))
+            k = np.arange((up - 1) * (across - 1))
+            a = k // (across - 1) * across + k % (across - 1) + sum(len(v) for v in vertices)
+            faces = np.stack([a, a + 1, a + across, a + 1, a + across + 1, a + across], axis=1)
+            vertices.append(grid)
+            triangles.append(faces.reshape(-1, 3))
+            colours.append(colour.reshape(-1, 3))
+        material = {
+            "type": "twosided",
+            "bsdf": {
+                "type": "principled",
+                "base_color": {"type": "mesh_attribute", "name": "vertex_color"},
+                "roughness": 0.3,
+            },
+        }
+        points = self.place(np.concatenate(vertices))
+        colour = np.concatenate(colours).astype(np.float32)
+        return _mesh("mouth#teeth", material, points, np.concatenate(triangles), colour)
+
+    def _curves(self, strands: Strands, colour: tuple[float, float, float]) -> Any:
+        points = self.place(strands.points)
+        taper = np.linspace(1, 0.4, points.shape[1])[None] * strands.radius[:, None]
+        rows = np.concatenate([points, taper[..., None]], axis=2)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "strands.txt"
+            file.write_text("\n\n".join(_lines(strand) for strand in rows.tolist()))
+            # Not `bsplinecurve`: a rare hit on one is no number, and a direction that is none ends
+            # the program when an `envmap` is looked up in it.
+            return mi.load_dict(
+                {"type": "linearcurve", "filename": str(file), "bsdf": _hair_material(colour)}
+            )
+
+
+def _lines(strand: list[list[float]]) -> str:
+    return "\n".join("{:.4f} {:.4f} {:.4f} {:.4f}".format(*point) for point in strand)
+
+
+def _hair_material(colour: tuple[float, float, float]) -> dict[str, Any]:
+    """Glossy tubes."""
+    return {
+        "type": "principled",
+        "base_color": {"type": "rgb", "value": list(colour)},
+        "roughness": 0.35,
+        "specular": 0.5,
+    }
+
+
+def _without_fireflies(image: np.ndarray) -> np.ndarray:
+    """Single pixels far brighter than those around them are a rare path's, set to their median."""
+    colour = np.ascontiguousarray(image[..., :3])
+    around = np.stack([ndimage.median_filter(colour[..., k], 5) for k in range(3)], axis=-1)
+    spot = colour.max(axis=-1) > 2.5 * around.max(axis=-1) + 0.02
+    return np.concatenate([np.where(spot[..., None], around, colour), image[..., 3:]], axis=-1)
+
+
+def _opaque(*objects: Any) -> None:
+    """Keep numbers out of the kernels, which would be compiled anew for every picture."""
+    for thing in objects:
+        parameters = mi.traverse(thing)
+        for key, _ in parameters:
+            dr.make_opaque(parameters[key])
+
+
+def _number(shapes: Any) -> np.ndarray:
+    """(N,) uint32: which shape each of mi.ShapePtr is."""
+    number: Any = dr.reinterpret_array(mi.UInt32, shapes)
+    return number.numpy()
+
+
+def _class_of(region: str) -> int:
+    """The class of a region of the head model."""
+    return CLASSES.index(_OF_REGION.get(region, region))
+
+
+def _painted(head: Head, look: Look, seed: int) -> np.ndarray:
+    """Albedo at the vertices (V, 3): skin that is redder at cheeks, nose and ears; lips; eyes."""
+    rng = np.random.default_rng(seed)
+    v, lm = head.vertices, head.landmarks
+    log = np.log(look.skin) + 0.06 * (noise(v, 6.0, rng) - 0.5)[:, None]
+    redness = np.zeros(len(v))
+    for index, width in ((50, 2.2), (280, 2.2), (4, 1.3), (152, 1.5)):
+        redness += np.exp(-np.sum((v - lm[index]) ** 2, axis=1) / width**2)
+    redness += 0.6 * head.within("ears") + 0.5 * (noise(v, 3.0, rng) - 0.5)
+    log = log + rng.uniform(0, 1) * redness[:, None] * np.array([0.05, -0.22, -0.18])
+    colour = np.exp(log)
+    lips = head.within("lips")
+    colour[lips] = np.array(look.lips) * np.exp(0.1 * (noise(v, 0.7, rng)[lips] - 0.5))[:, None]
+    colour[head.within("mouth")] = (0.35, 0.1, 0.09)
+    eyes = head.within("eyes")
+    for side in (-1, 1):
+        ball = eyes & (np.sign(v[:, 0]) == side)
+        centre = 0.5 * (v[ball].min(axis=0) + v[ball].max(axis=0))
+        out = v[ball] - centre
+        angle = np.degrees(np.arccos(out[:, 2] / np.linalg.norm(out, axis=1)))
+        white = np.array((0.62, 0.56, 0.53))
+        shade = np.where((angle < 29)[:, None], look.iris, white)
+        colour[ball] = np.where((angle < 12)[:, None], (0.01, 0.01, 0.01), shade)
+    return np.clip(colour, 0.004, 0.9).astype(np.float32)
+
+
+def _mesh(
+    name: str,
+    material: dict[str, Any],
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    colour: Any = None,
+) -> Any:
+    """mi.Mesh with smooth normals; colour: (V, 3), the attribute `vertex_color`, or None."""
+    properties = mi.Properties()
+    properties["mesh_bsdf"] = mi.load_dict(material)
+    mesh = mi.Mesh(name, len(vertices), len(triangles), properties, True, False)
+    if colour is not None:
+        mesh.add_attribute("vertex_color", 3, device(mi.Float, colour.ravel()))
+    parameters = mi.traverse(mesh)
+    parameters["faces"] = device(mi.UInt32, triangles.ravel())
+    parameters["vertex_positions"] = device(mi.Float, vertices.ravel())
+    parameters.update()
+    mesh.recompute_vertex_normals()
+    return mesh
