@@ -129,7 +129,7 @@ class PrimalDual:
         cost = cost * weight * dr.mean(mi.Color3f(s))
         level = _towards(level, self.nominal, pace * cost)
         level += self._of_all(by_gloss, image / 3 * weight * dr.sum(by_specular), cost)
-        level = dr.fmin(level, self.most_specular)
+        level = -at_least(-level, -self.most_specular)
         self.ahead = (2 * moved - self.diffuse, 2 * level - self.log_specular)
         self.diffuse, self.log_specular = moved, level
         dr.eval(moved, level, self.ahead)
