@@ -14,6 +14,7 @@ from typing import Any
 
 import drjit as dr
 import numpy as np
+from classes import CLASSES, LENS
 from heads import Head
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
@@ -27,11 +28,6 @@ from unlit.scene.camera import Camera
 
 mi = mitsuba()
 
-#: What the truth tells apart, in the order of `Scene.shares`. A clear lens lies over another class.
-CLASSES = (
-    *("background", "skin", "lips", "eyes", "eyebrows", "mouth", "hair", "beard"),
-    *("frame", "clear lens", "tinted lens", "cloth", "hand"),
-)
 #: Of light between hair, skin and what is worn.
 BOUNCES = 4
 #: Of the default head model's regions (head/model.py), what each is here.
@@ -123,10 +119,7 @@ class Scene:
 
     @cached_property
     def shares(self) -> np.ndarray:
-        """(S, S, len(CLASSES)) float32: the share of each class in each pixel.
-
-        A clear lens is counted beside what is seen through it: the others sum to 1.
-        """
+        """(S, S, C) float32: the share of each of CLASSES in each pixel, counted by rays."""
         return self._count(self.grid)
 
     def landmarks(self) -> np.ndarray:
@@ -152,12 +145,12 @@ class Scene:
         direction = mi.Vector3f(np.ascontiguousarray(rays.T, np.float32))
         ray = mi.Ray3f(mi.Point3f(0), direction)
         rows = np.arange(len(rays))
-        lens, open_ = CLASSES.index("clear lens"), np.ones(len(rays), bool)
+        open_ = np.ones(len(rays), bool)
         passed = np.zeros(len(rays), bool)
         for _ in range(5):  # a lens may have two faces, and there are two lenses
             si = scene.ray_intersect(ray)
             found = self._class_at(si, table)
-            through = open_ & (found == lens)
+            through = open_ & (found == LENS)
             done = open_ & ~through
             total[rows[done], found[done]] += 1
             passed |= through
@@ -165,7 +158,7 @@ class Scene:
             if not open_.any():
                 break
             ray = si.spawn_ray(direction)
-        total[passed, lens] += 1
+        total[passed, LENS] += 1
 
     def _class_of_shape(self, scene: Any) -> dict[int, str]:
         return {int(_number(mi.ShapePtr(shape))[0]): shape.id() for shape in scene.shapes()}

@@ -26,7 +26,8 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 import snapshots
 import strands
 import worn
-from dressed import BOUNCES, CLASSES, Dressed, Look, Scene, View
+from classes import CLASSES
+from dressed import BOUNCES, Dressed, Look, Scene, View
 from heads import Head, random_head
 
 from unlit.errors import UnlitError
@@ -105,7 +106,7 @@ EXPRESSIONS = ("none", "smile", "talk", "laugh")
 
 @dataclass(frozen=True)
 class Cell:
-    """One picture: uint8 sRGB (S, S, 3), and the truth's shares (S, S, len(CLASSES))."""
+    """One picture: uint8 sRGB (S, S, 3), and the truth's shares (S, S, C)."""
 
     name: str
     picture: np.ndarray
