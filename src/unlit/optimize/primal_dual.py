@@ -16,7 +16,7 @@ import drjit as dr
 
 from ..color import UNCLIPPED
 from ..machine.runtime import mitsuba
-from ..scene.arrays import at_least
+from ..scene.arrays import at_least, at_most
 from ..settings.settings import Settings
 from .losses import Neighbours, encode
 
@@ -38,11 +38,6 @@ def encoding_slope(linear: Any) -> Any:
     """Derivative of `encode`."""
     power: Any = dr.power(dr.fmax(linear, _DARKEST), 1 / 2.4 - 1)
     return dr.select(linear <= 0.0031308, 12.92, (1.055 / 2.4) * power)
-
-
-def _at_most_1(limit: Any) -> Any:
-    """A strong limit is not climbed to faster: the maps could not follow."""
-    return dr.fmin(limit, 1)
 
 
 def _towards(value: Any, kink: Any, pace: Any) -> Any:
@@ -115,7 +110,8 @@ class PrimalDual:
         by_diffuse, by_specular = self._climb(e, s, weight, limits)
         forces = self._smoothness_forces()
         pull = image / 3 * weight * self.pull
-        hold: list[Any] = [4 * _at_most_1(limit) for limit in limits]
+        # A strong limit is not climbed to faster: the maps could not follow.
+        hold: list[Any] = [4 * at_most(limit, 1) for limit in limits]
         pace = _DIFFUSE / (hold[0] + image / 3 * by_diffuse)
         force = mi.Color3f(*forces[:3]) + pull * by_diffuse
         keep = self.settings.unseen_cost * unseen
@@ -129,7 +125,7 @@ class PrimalDual:
         cost = cost * weight * dr.mean(mi.Color3f(s))
         level = _towards(level, self.nominal, pace * cost)
         level += self._of_all(by_gloss, image / 3 * weight * dr.sum(by_specular), cost)
-        level = -at_least(-level, -self.most_specular)
+        level = at_most(level, self.most_specular)
         self.ahead = (2 * moved - self.diffuse, 2 * level - self.log_specular)
         self.diffuse, self.log_specular = moved, level
         dr.eval(moved, level, self.ahead)
@@ -150,7 +146,7 @@ class PrimalDual:
         right, below = mi.Vector4f(0), mi.Vector4f(0)
         units = (_DIFFUSE, _DIFFUSE, _DIFFUSE, _SPECULAR)
         for k, x in enumerate((*diffuse, specular)):
-            pace = _at_most_1(limits[k]) / (2 * units[k])
+            pace = at_most(limits[k], 1) / (2 * units[k])
             across = dr.gather(mi.Float, x, self.neighbours.right) - x
             down = dr.gather(mi.Float, x, self.neighbours.below) - x
             right[k] = dr.clip(self.right[k] + pace * across, -limits[k], limits[k])

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..machine.runtime import mitsuba
 from ..perception.regions import REGIONS
-from ..scene.arrays import device
+from ..scene.arrays import at_most, device
 from ..scene.lobes import CellRadiance
 from ..settings.settings import Settings
 from ..settings.table1 import Stage
@@ -90,8 +90,8 @@ class StageRun:
             dr.backward(loss)
         adam.step()
         if self.solver is None:
-            adam["log_specular"] = dr.fmin(adam["log_specular"], np.log(settings.max_specular))
-            adam["log_diffuse"] = dr.fmin(adam["log_diffuse"], np.log(settings.max_diffuse))
+            adam["log_specular"] = at_most(adam["log_specular"], np.log(settings.max_specular))
+            adam["log_diffuse"] = at_most(adam["log_diffuse"], np.log(settings.max_diffuse))
 
     def report(self, iteration: int, loss: Callable[[], Any]) -> None:
         """Report the loss every so often, and see whether it still changes."""

@@ -1,4 +1,4 @@
-"""NumPy to Dr.Jit, in one way only; and two of Dr.Jit's functions, typed.
+"""NumPy to Dr.Jit, in one way only; and three of Dr.Jit's functions, typed.
 
 On the CPU Dr.Jit wraps NumPy's memory as it lies. An odd alignment, and the offsets of x, y, z in
 one block, then become part of every kernel that reads the array, and each photo would have
@@ -45,6 +45,11 @@ def device(kind: Any, values: np.ndarray) -> Any:
 def at_least(value: Any, least: float) -> Any:
     """`value`, or `least` where it is lower or no number."""
     return dr.fmax(value, least)
+
+
+def at_most(value: Any, most: Any) -> Any:
+    """`value`, or `most` where it is higher or no number."""
+    return dr.fmin(value, most)
 
 
 def where(mask: Any) -> Any:
