@@ -40,6 +40,7 @@ from unlit.perception.topology import (
     RIGHT_EYE,
     RIGHT_EYEBROW,
 )
+from unlit.photo.crop import face_crop
 
 SIZE = 192
 #: What of the landmarks the network is told, each contour filled in a channel of its own.
@@ -124,12 +125,11 @@ def _detail(size: int, rng: np.random.Generator) -> np.ndarray:
 def _cropped(
     picture: np.ndarray, shares: np.ndarray, landmarks: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The face's crop of it, as photo/crop.py frames it, a little off; the landmarks off, too."""
-    oval = landmarks[list(FACE_OVAL)]
-    low, high = oval.min(axis=0), oval.max(axis=0)
-    height = high[1] - low[1]
-    side = height / 0.70 * np.exp(rng.normal(0, 0.07))
-    centre = (low + high) / 2 - (0, 0.04 * height) + rng.normal(0, 0.03, 2) * side
+    """The face's crop of it, a little off, and turned; the landmarks off, too."""
+    height, width = picture.shape[:2]
+    crop = face_crop(landmarks, SIZE, (width, height))
+    side = SIZE / crop.scale * np.exp(rng.normal(0, 0.07))
+    centre = crop.inverse_points((SIZE / 2, SIZE / 2)) + rng.normal(0, 0.03, 2) * side
     angle = np.radians(rng.normal(0, 5.0))
     scale = SIZE / side
     turn = scale * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
