@@ -6,7 +6,6 @@ The truth is counted: rays through every pixel are asked what they hit first.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -19,10 +18,11 @@ from heads import Head
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 from strands import Strands, noise
+from worn.pieces import Piece, joined, rgb_of, sheet_mesh, two_sided
 
 from unlit.head.model import VERTEX_REGIONS
 from unlit.machine.runtime import mitsuba
-from unlit.render.reference import mitsuba_environment
+from unlit.render.reference import mesh_body, mitsuba_environment
 from unlit.scene.arrays import device
 from unlit.scene.camera import Camera
 
@@ -30,6 +30,18 @@ mi = mitsuba()
 
 #: Of light between hair, skin and what is worn.
 BOUNCES = 4
+#: Colours of hair, linear sRGB.
+HAIR = {
+    "black": (0.012, 0.010, 0.009),
+    "dark brown": (0.03, 0.02, 0.013),
+    "brown": (0.07, 0.04, 0.022),
+    "light brown": (0.16, 0.09, 0.045),
+    "red": (0.25, 0.09, 0.03),
+    "blond": (0.42, 0.29, 0.15),
+    "light blond": (0.55, 0.44, 0.28),
+    "grey": (0.30, 0.29, 0.28),
+    "white": (0.62, 0.60, 0.57),
+}
 #: Of the default head model's regions (head/model.py), what each is here.
 _OF_REGION = {"scalp": "skin", "neck": "skin", "ears": "skin", "eyebrows": "skin"}
 
@@ -49,12 +61,12 @@ class Look:
 
 @dataclass(frozen=True)
 class Dressed:
-    """A head and what grows on it and is worn: strands by class, and meshes (worn.py)."""
+    """A head and what grows on it and is worn: strands by class, and meshes (worn/)."""
 
     head: Head
     look: Look
     strands: dict[str, list[Strands]] = field(default_factory=dict)
-    worn: list[Any] = field(default_factory=list)
+    worn: list[Piece] = field(default_factory=list)
     seed: int = 0
 
 
@@ -82,12 +94,14 @@ class Scene:
         head = dressed.head
         middle = np.nanmean(head.landmarks, axis=0) + np.array([0, 1.0, -4.0])
         offset = np.array([0, 0, -view.distance])
-        self.place: Callable[[np.ndarray], np.ndarray] = lambda p: (
-            turn.apply(p.reshape(-1, 3) - middle).reshape(p.shape) + offset
-        )
-        self.turn = turn
+        self._pose = turn, middle, offset
         self._objects, self._classes = self._build()
         self._lit: Any = None
+
+    def place(self, points: np.ndarray) -> np.ndarray:
+        """Points (..., 3) of the head's frame in the camera's, cm."""
+        turn, middle, offset = self._pose
+        return turn.apply(points.reshape(-1, 3) - middle).reshape(points.shape) + offset
 
     def photograph(self, environment: np.ndarray, samples: int, seed: int = 0) -> np.ndarray:
         """(S, S, 4) float32: linear radiance, and the share of each pixel that is not background.
@@ -120,13 +134,14 @@ class Scene:
     @cached_property
     def shares(self) -> np.ndarray:
         """(S, S, C) float32: the share of each of CLASSES in each pixel, counted by rays."""
-        return self._count(self.grid)
+        return self._count()
 
     def landmarks(self) -> np.ndarray:
         """The true landmarks (478, 2), pixels."""
         return self.camera.project(self.place(self.dressed.head.landmarks))
 
-    def _count(self, grid: int) -> np.ndarray:
+    def _count(self) -> np.ndarray:
+        grid = self.grid
         scene = mi.load_dict({"type": "scene", **self._objects})
         table = self._class_of_shape(scene)
         size, total = self.size, np.zeros((self.size**2, len(CLASSES)), np.float32)
@@ -198,21 +213,18 @@ class Scene:
     def _head(self) -> Any:
         head, look = self.dressed.head, self.dressed.look
         colour = _painted(head, look, self.dressed.seed)
-        material = {
-            "type": "twosided",
-            "bsdf": {
-                "type": "principled",
-                "base_color": {"type": "mesh_attribute", "name": "vertex_color"},
-                "roughness": look.roughness,
-                "specular": 0.45,
-            },
-        }
-        return _mesh("head", material, self.place(head.vertices), head.triangles, colour)
+        return _mesh(
+            "head",
+            _coloured(look.roughness, 0.45),
+            self.place(head.vertices),
+            head.triangles,
+            colour,
+        )
 
     def _teeth(self) -> Any:
         """Both rows, behind the lips: two curved strips, dark between the teeth."""
         lm = self.dressed.head.landmarks
-        vertices, triangles, colours = [], [], []
+        rows, colours = [], []
         across, up = 97, 6
         s = np.linspace(-1, 1, across)
         half = 0.95 * 0.5 * np.linalg.norm(lm[308] - lm[78])
@@ -222,27 +234,15 @@ class Scene:
             x = lm[13, 0] + half * s
             y = top[1] + sign * height[:, None] + 0 * s
             z = top[2] - 0.8 * half * s**2 + 0 * y
-            grid = np.stack([np.broadcast_to(x, y.shape), y, z], axis=-1).reshape(-1, 3)
+            grid = np.stack([np.broadcast_to(x, y.shape), y, z], axis=-1)
             gap = np.abs((s * 5.5) % 1 - 0.5) > 0.42
             tone = np.where(gap, 0.12, 0.5) * (1 - 0.5 * np.abs(s))
             colour = tone[None, :, None] * np.array([1.0, 0.93, 0.8]) * np.ones((up, 1, 1))
-            k = np.arange((up - 1) * (across - 1))
-            a = k // (across - 1) * across + k % (across - 1) + sum(len(v) for v in vertices)
-            faces = np.stack([a, a + 1, a + across, a + 1, a + across + 1, a + across], axis=1)
-            vertices.append(grid)
-            triangles.append(faces.reshape(-1, 3))
+            rows.append(sheet_mesh(grid, wrap=False))
             colours.append(colour.reshape(-1, 3))
-        material = {
-            "type": "twosided",
-            "bsdf": {
-                "type": "principled",
-                "base_color": {"type": "mesh_attribute", "name": "vertex_color"},
-                "roughness": 0.3,
-            },
-        }
-        points = self.place(np.concatenate(vertices))
+        vertices, triangles = joined(rows)
         colour = np.concatenate(colours).astype(np.float32)
-        return _mesh("mouth#teeth", material, points, np.concatenate(triangles), colour)
+        return _mesh("mouth#teeth", _coloured(0.3, 0.5), self.place(vertices), triangles, colour)
 
     def _curves(self, strands: Strands, colour: tuple[float, float, float]) -> Any:
         points = self.place(strands.points)
@@ -262,11 +262,22 @@ def _lines(strand: list[list[float]]) -> str:
     return "\n".join("{:.4f} {:.4f} {:.4f} {:.4f}".format(*point) for point in strand)
 
 
+def _coloured(roughness: float, specular: float) -> dict[str, Any]:
+    """Skin or enamel in the colours of the mesh's attribute `vertex_color`."""
+    bsdf = {
+        "type": "principled",
+        "base_color": {"type": "mesh_attribute", "name": "vertex_color"},
+        "roughness": roughness,
+        "specular": specular,
+    }
+    return two_sided(bsdf)
+
+
 def _hair_material(colour: tuple[float, float, float]) -> dict[str, Any]:
     """Glossy tubes."""
     return {
         "type": "principled",
-        "base_color": {"type": "rgb", "value": list(colour)},
+        "base_color": rgb_of(colour),
         "roughness": 0.35,
         "specular": 0.5,
     }
@@ -332,15 +343,12 @@ def _mesh(
     triangles: np.ndarray,
     colour: Any = None,
 ) -> Any:
-    """mi.Mesh with smooth normals; colour: (V, 3), the attribute `vertex_color`, or None."""
-    properties = mi.Properties()
-    properties["mesh_bsdf"] = mi.load_dict(material)
-    mesh = mi.Mesh(name, len(vertices), len(triangles), properties, True, False)
+    """A smooth mi.Mesh; colour: (V, 3), the attribute `vertex_color`, or None."""
+    points, faces = device(mi.Point3f, vertices), device(mi.Vector3u, triangles)
+    mesh = mesh_body(
+        name, mi.load_dict(material), points, dr.zeros(mi.Vector3f, len(vertices)), faces
+    )
+    mesh.recompute_vertex_normals()
     if colour is not None:
         mesh.add_attribute("vertex_color", 3, device(mi.Float, colour.ravel()))
-    parameters = mi.traverse(mesh)
-    parameters["faces"] = device(mi.UInt32, triangles.ravel())
-    parameters["vertex_positions"] = device(mi.Float, vertices.ravel())
-    parameters.update()
-    mesh.recompute_vertex_normals()
     return mesh

@@ -1,4 +1,4 @@
-"""Random heads of the default head model, and of ICT-FaceKit where the shared data has it."""
+"""Random heads of the default head model."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from unlit.head.model import VERTEX_REGIONS
 from unlit.head.sources.library import default_model
+from unlit.scene.normals import vertex_normals
 
 
 @dataclass(frozen=True)
@@ -26,12 +27,7 @@ class Head:
     @cached_property
     def normals(self) -> np.ndarray:
         """Unit vertex normals (V, 3)."""
-        a, b, c = (self.vertices[self.triangles[:, k]] for k in range(3))
-        face = np.cross(b - a, c - a)
-        normals = np.zeros_like(self.vertices)
-        for k in range(3):
-            np.add.at(normals, self.triangles[:, k], face)
-        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+        return vertex_normals(self.vertices, self.triangles)
 
     def within(self, *regions: str) -> np.ndarray:
         """(V,) bool: the vertices of those regions."""

@@ -27,34 +27,23 @@ import snapshots
 import strands
 import worn
 from classes import CLASSES
-from dressed import BOUNCES, Dressed, Look, Scene, View
+from dressed import BOUNCES, HAIR, Dressed, Look, Scene, View
 from heads import Head, random_head
 
-from unlit.errors import UnlitError
-from unlit.perception.landmarks import choose, find_faces
-from unlit.perception.regions import segment
-from unlit.photo.crop import face_crop
+from unlit.errors import FaceError
 from unlit.photo.photo import Photo
+from unlit.pipeline.observe import observe
 from unlit.storage.keys import key
 
 SIZE = 512  # of the picture; the face's crop is some 400 of it
 RESOLUTION = 512
 SAMPLES = 24
-HAIR = {
-    "black": (0.012, 0.010, 0.009),
-    "brown": (0.07, 0.04, 0.022),
-    "red": (0.25, 0.09, 0.03),
-    "blond": (0.42, 0.29, 0.15),
-    "grey": (0.30, 0.29, 0.28),
-    "white": (0.62, 0.60, 0.57),
-}
 Dress = Callable[[Head, np.random.Generator], tuple[dict[str, list[Any]], list[Any]]]
 
 
-def _hair(*styles: str) -> Dress:
+def _hair(style: str) -> Dress:
     def dress(head: Head, rng: np.random.Generator) -> tuple[dict[str, list[Any]], list[Any]]:
-        found = [strands.hair(head, strands.STYLES[style], rng) for style in styles]
-        return {"hair": found}, []
+        return {"hair": [strands.hair(head, strands.STYLES[style], rng)]}, []
 
     return dress
 
@@ -177,18 +166,13 @@ class Seen:
 
 def perceive(cell: Cell) -> Seen | None:
     """What the product's first step makes of a picture; None where it finds no face."""
-    photo = Photo.of(cell.picture, cell.name)
     try:
-        face = choose(find_faces(photo.encoded8()), "largest", cell.name)
-    except UnlitError:
+        found = observe(Photo.of(cell.picture, cell.name), RESOLUTION, "largest")
+    except FaceError:
         return None
-    height, width = cell.picture.shape[:2]
-    crop = face_crop(face.landmarks, RESOLUTION, (width, height))
-    image = np.maximum(crop.image(photo.pixels), 0).astype(np.float32)
-    regions = segment(image, crop.points(face.landmarks[:, :2]), face.blendshapes)
-    shares = crop.image(cell.shares)
-    skin = regions.skin + regions.eyebrows
-    return Seen(image, skin, share_of(shares, "skin", "eyebrows"), shares)
+    shares = found.crop.image(cell.shares)
+    skin = found.regions.skin + found.regions.eyebrows
+    return Seen(found.image, skin, share_of(shares, "skin", "eyebrows"), shares)
 
 
 def share_of(shares: np.ndarray, *names: str) -> np.ndarray:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from unlit.color import decode_srgb, encode_srgb
+from unlit.color import encode_srgb
 from unlit.scene.light import disc, flash, latlong_directions, uniform
 
 
@@ -65,7 +65,7 @@ def random_light(rng: np.random.Generator) -> np.ndarray:
 
 def background(size: int, rng: np.random.Generator) -> np.ndarray:
     """(S, S, 3) linear: a gradient, blurred blocks and grain, as of a room or a garden."""
-    corner = np.exp(rng.normal(-1.2, 0.9, (2, 2, 3)) * (1, 1, 1))
+    corner = np.exp(rng.normal(-1.2, 0.9, (2, 2, 3)))
     colour = np.exp(rng.normal(-1.2, 0.8, (1, 1, 1)) + rng.normal(0, 0.25, (1, 1, 3)))
     grid = np.repeat(colour, 2, axis=0).repeat(2, axis=1) if rng.random() < 0.5 else corner
     picture = cv2.resize(grid.astype(np.float32), (size, size), interpolation=cv2.INTER_LINEAR)
@@ -108,8 +108,3 @@ def developed(
     quality = int(rng.integers(70, 97))
     _, data = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
     return np.ascontiguousarray(np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))[..., ::-1])
-
-
-def as_linear(picture: np.ndarray) -> np.ndarray:
-    """uint8 sRGB to linear float32."""
-    return decode_srgb(picture.astype(np.float32) / 255)

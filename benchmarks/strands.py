@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from heads import Head
 from scipy.spatial import KDTree
@@ -44,7 +45,7 @@ class Style:
     part: x of a parting from which hair goes to both sides, or None; fall: pull of gravity per cm;
     curl: radius of the locks' spirals, cm, and turns per cm; clump: how far strands follow their
     lock, 0 to 1; wild: randomness of directions; count of strands; recede: how far the hairline
-    lies above the usual one, cm; bald: share of the crown without hair; fringe: length of what
+    lies above the usual one, cm; bald: whether the crown has no hair; fringe: length of what
     grows near the forehead, cm, and falls over it, or None.
     """
 
@@ -58,7 +59,7 @@ class Style:
     wild: float = 0.15
     count: int = 14_000
     recede: float = 0.0
-    bald: float = 0.0
+    bald: bool = False
     fringe: float | None = None
 
 
@@ -68,7 +69,7 @@ STYLES = {
     "swept": Style(7.0, lift=0.6, comb=(0.5, 0.3, -0.8), fall=0.02),
     "spiky": Style(3.0, lift=0.9, comb=(0.0, 0.6, 0.2), wild=0.3, clump=0.8),
     "receding": Style(2.5, lift=0.4, recede=1.6, wild=0.25),
-    "crown": Style(2.0, lift=0.4, bald=1.0, wild=0.3),
+    "crown": Style(2.0, lift=0.4, bald=True, wild=0.3),
     "tied": Style(10.0, lift=0.06, comb=(0.0, 0.4, -1.0), fall=0.0, clump=0.7, wild=0.03),
     "bob": Style(17.0, lift=0.25, comb=(0.0, 0.0, -0.4), part=0.0, fall=0.5, clump=0.6),
     "long": Style(32.0, lift=0.2, comb=(0.0, 0.0, -0.35), part=0.0, fall=0.5, clump=0.7),
@@ -128,20 +129,20 @@ def brows(head: Head, rng: np.random.Generator) -> Strands:
     return _grow(head, roots, direction, length, style, rng, radius=0.018)
 
 
-#: Kinds of beard: (length, cm; count; chin and cheeks; moustache).
+#: Kinds of beard, all with a moustache: (length, cm; count; whether on chin and cheeks).
 BEARDS = {
-    "stubble": (0.12, 9_000, True, True),
-    "short": (0.7, 12_000, True, True),
-    "full": (3.5, 12_000, True, True),
-    "long": (8.0, 12_000, True, True),
-    "moustache": (0.9, 2_000, False, True),
-    "goatee": (1.2, 3_000, False, True),
+    "stubble": (0.12, 9_000, True),
+    "short": (0.7, 12_000, True),
+    "full": (3.5, 12_000, True),
+    "long": (8.0, 12_000, True),
+    "moustache": (0.9, 2_000, False),
+    "goatee": (1.2, 3_000, False),
 }
 
 
 def beard(head: Head, kind: str, rng: np.random.Generator) -> Strands:
     """A beard; kind: a name in BEARDS."""
-    length, count, cheeks, moustache = BEARDS[kind]
+    length, count, cheeks = BEARDS[kind]
     v, lm = head.vertices, head.landmarks
     nose, top_lip, low_lip, chin = lm[2], lm[0], lm[17], lm[152]
     corner = np.abs(lm[[61, 291], 0]).mean()
@@ -152,29 +153,27 @@ def beard(head: Head, kind: str, rng: np.random.Generator) -> Strands:
         mouth + rng.uniform(-0.5, 1.2) + np.maximum(np.abs(x) - corner, 0) * rng.uniform(0.4, 0.9)
     )
     below = y < line
-    jaw = below & (y > chin[1] - low) & (np.abs(x) > 0)
+    jaw = below & (y > chin[1] - low)
     if not cheeks:
         jaw &= (np.abs(x) < rng.uniform(1.0, 1.6)) & (y < low_lip[1] - 0.2)
     sideburn = (_azimuth(v) > 60) & (_azimuth(v) < 84) & (y < 1) & (y > chin[1]) & cheeks
-    lip = (np.abs(x) < corner + 0.5) & (y < nose[1] - 0.15) & (y > top_lip[1] - 0.7) & moustache
+    lip = (np.abs(x) < corner + 0.5) & (y < nose[1] - 0.15) & (y > top_lip[1] - 0.7)
     if kind == "goatee":
         ring = (np.abs(np.abs(x) - corner - 0.3) < 0.45) & (y < mouth + 0.4) & (y > chin[1])
         lip |= ring
     allowed = head.within("skin", "neck")
     lips = KDTree(v[head.within("lips")])
     clear = lips.query(v)[0] > 0.22
-    normals = head.normals
-    outside = (z > -9) & (normals[:, 2] > -0.6)
+    outside = (z > -9) & (head.normals[:, 2] > -0.6)
     density = ((jaw | sideburn | lip) & allowed & clear & outside).astype(float)
     density *= 0.25 + noise(v, 1.5, rng) ** 2
     roots, root_normals = _scatter(head, density, count, rng)
     down = np.array([0.0, -1.0, 0.25]) + np.sign(roots[:, :1]) * np.array([0.25, 0, 0])
     style = Style(length, fall=0.35, clump=0.4, wild=0.25, curl=(rng.uniform(0, 0.15), 0.6))
     direction = 0.25 * root_normals + 0.7 * down
-    length_ = length * rng.uniform(0.5, 1.0, len(roots))
-    return _grow(
-        head, roots, direction, length_, style, rng, radius=0.014 if length < 0.2 else 0.02
-    )
+    lengths = length * rng.uniform(0.5, 1.0, len(roots))
+    radius = 0.014 if length < 0.2 else 0.02
+    return _grow(head, roots, direction, lengths, style, rng, radius)
 
 
 def below(strands: Strands, clothes: list[np.ndarray]) -> Strands:
@@ -314,8 +313,6 @@ def noise(points: np.ndarray, wavelength: float, rng: np.random.Generator) -> np
 
 def _inside(polygon: np.ndarray, points: np.ndarray, margin: float) -> np.ndarray:
     """(N,) bool: within `margin` of a polygon (M, 2) or in it; points: (N, 2)."""
-    import cv2
-
     contour = polygon.astype(np.float32).reshape(-1, 1, 2)
     near = np.flatnonzero((np.abs(points - polygon.mean(axis=0)) < 6).all(axis=1))
     found = np.zeros(len(points), bool)

@@ -27,20 +27,14 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 import snapshots
 import strands
 import worn
-from dressed import Dressed, Look, Scene, View
+from dressed import HAIR, Dressed, Look, Scene, View
 from heads import EXPRESSIONS, random_head
 from strands import Strands
 
 SIZE = 224
 SAMPLES = 8
 LIGHTS = 2
-_HAIR = np.array(
-    [
-        *((0.012, 0.010, 0.009), (0.03, 0.02, 0.013), (0.07, 0.04, 0.022), (0.16, 0.09, 0.045)),
-        *((0.25, 0.09, 0.03), (0.42, 0.29, 0.15), (0.55, 0.44, 0.28), (0.30, 0.29, 0.28)),
-        (0.62, 0.60, 0.57),
-    ]
-)
+_HAIR = np.array(list(HAIR.values()))
 
 
 def random_look(rng: np.random.Generator) -> Look:

@@ -25,14 +25,13 @@ class Piece:
     """One mesh and what it is.
 
     kind: 'frame', 'clear lens', 'tinted lens', 'cloth' or 'hand'. vertices (V, 3) cm in the head's
-    frame; triangles (F, 3). smooth: whether normals are interpolated. material: a Mitsuba BSDF
-    dictionary, right from both sides.
+    frame; triangles (F, 3), shaded smoothly. material: a Mitsuba BSDF dictionary, right from both
+    sides.
     """
 
     kind: str
     vertices: np.ndarray
     triangles: np.ndarray
-    smooth: bool
     material: dict[str, Any]
 
 
@@ -94,13 +93,13 @@ def faces_of(rows: int, columns: int, wrap: bool) -> np.ndarray:
 def piece_of(
     kind: str, vertices: np.ndarray, triangles: np.ndarray, material: dict[str, Any]
 ) -> Piece:
-    """A smooth piece without triangles of no area, and without vertices that none needs."""
+    """A piece without triangles of no area, and without vertices that none needs."""
     triangles = triangles.reshape(-1, 3)
     a, b, c = (vertices[triangles[:, i]] for i in range(3))
     triangles = triangles[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-8]
     used, index = np.unique(triangles, return_inverse=True)
     packed = np.ascontiguousarray(vertices[used], dtype=np.float32)
-    return Piece(kind, packed, index.reshape(-1, 3).astype(np.int32), True, material)
+    return Piece(kind, packed, index.reshape(-1, 3).astype(np.int32), material)
 
 
 def joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
