@@ -13,7 +13,6 @@ from typing import Any
 
 import drjit as dr
 import numpy as np
-from classes import CLASSES, LENS
 from heads import Head
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
@@ -22,6 +21,7 @@ from worn.pieces import Piece, joined, rgb_of, sheet_mesh, two_sided
 
 from unlit.head.model import VERTEX_REGIONS
 from unlit.machine.runtime import mitsuba
+from unlit.perception.parser import CLASSES, LENS
 from unlit.render.reference import mesh_body, mitsuba_environment
 from unlit.scene.arrays import device
 from unlit.scene.camera import Camera

@@ -26,11 +26,11 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 import snapshots
 import strands
 import worn
-from classes import CLASSES
 from dressed import BOUNCES, HAIR, Dressed, Look, Scene, View
 from heads import Head, random_head
 
 from unlit.errors import FaceError
+from unlit.perception.parser import CLASSES
 from unlit.photo.photo import Photo
 from unlit.pipeline.observe import observe
 from unlit.storage.keys import key
@@ -102,10 +102,14 @@ class Cell:
     shares: np.ndarray
 
 
-def scene(case: str, number: int) -> Scene:
-    """The head of a case, before its camera; number: which of the skins, shapes and turns."""
+def scene(case: str, number: int, hair: str | None = None, size: int = SIZE) -> Scene:
+    """The head of a case, before its camera; number: which of the skins, shapes and turns.
+
+    hair: of dressed.HAIR; None is the case's own. size: of the picture, pixels.
+    """
     rng = np.random.default_rng(1000 + number)
-    dress, hair = CASES[case]
+    dress, usual = CASES[case]
+    hair = hair or usual
     head = random_head(rng, EXPRESSIONS[number % 4])
     skin = np.array(list(SKINS.values())[number % 3])
     lips = skin * (0.9, 0.55, 0.6)
@@ -116,7 +120,7 @@ def scene(case: str, number: int) -> Scene:
     grown = grown | {"eyebrows": [strands.brows(head, rng)]}
     pieces = [*pieces, *worn.garment(head, rng)]
     view = View(rng.uniform(-30, 30), rng.uniform(-8, 8), rng.uniform(-6, 6), width=34.0)
-    return Scene(Dressed(head, look, grown, pieces, number), view, SIZE)
+    return Scene(Dressed(head, look, grown, pieces, number), view, size)
 
 
 def cells(work: Path, only: str = "") -> Iterator[tuple[str, list[Cell]]]:

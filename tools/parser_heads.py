@@ -5,7 +5,7 @@
 Shapes of the default head model with random expressions; random skin, hair, brows, beards, glasses,
 hats, scarves, hands and lights (benchmarks/strands.py, worn.py, dressed.py). DIR/N.npz holds of one
 head: renders (L, S, S, 4) float16, linear radiance under L lights and coverage; shares (S, S, C)
-uint8 of benchmarks/classes.py, 255 is all; landmarks (478, 3), pixels, where they truly are.
+uint8 of perception/parser.py, 255 is all; landmarks (478, 3), pixels, where they truly are.
 What a camera makes of a render, and the background, are drawn anew whenever it is looked at.
 """
 

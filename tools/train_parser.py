@@ -29,56 +29,41 @@ from torch.nn import functional
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 import snapshots
-from classes import CLASSES, LENS, OTHERS
+from skin_looks import skin_looks
 
-from unlit.perception.topology import (
-    FACE_OVAL,
-    LEFT_EYE,
-    LEFT_EYEBROW,
-    LIPS_INNER,
-    LIPS_OUTER,
-    RIGHT_EYE,
-    RIGHT_EYEBROW,
-)
+from unlit.perception.parser import CLASSES, CONTOURS, LENS, OTHERS, SIZE, contours
 from unlit.photo.crop import face_crop
-
-SIZE = 192
-#: What of the landmarks the network is told, each contour filled in a channel of its own.
-CONTOURS = (
-    (FACE_OVAL,),
-    (RIGHT_EYE, LEFT_EYE),
-    (RIGHT_EYEBROW, LEFT_EYEBROW),
-    (LIPS_OUTER,),
-    (LIPS_INNER,),
-)
 
 #: How much a pixel of each of OTHERS counts.
 WEIGHTS = (1.0, 1.0, 2.0, 3.0, 1.5, 2.0, 1.0, 1.3, 2.0, 2.0, 1.2, 1.5)
-CHANNELS = (24, 32, 48, 64, 96)
-
-
-def drawn(landmarks: np.ndarray, size: int) -> np.ndarray:
-    """(5, size, size) float32 in [0, 1]: CONTOURS, filled; landmarks: (478, 2), pixels."""
-    result = np.zeros((len(CONTOURS), size, size), np.float32)
-    for channel, contours in zip(result, CONTOURS, strict=True):
-        for contour in contours:
-            points = np.round(landmarks[list(contour)] * 16 - 8).astype(np.int32)
-            cv2.fillPoly(channel, [points], 1.0, lineType=cv2.LINE_AA, shift=4)
-    return result
+#: One head of so many is for the test.
+HELD_OUT = 40
+#: Channels of each level, and residual blocks of all but the first.
+CHANNELS = (24, 48, 64, 96, 128)
+BLOCKS = (1, 2, 2, 2)
 
 
 class Heads(torch.utils.data.IterableDataset[Any]):
-    """Endless examples: input (9, S, S) and shares (C, S, S), float32."""
+    """Endless examples, input (9, S, S) and shares (13, S, S), float32, of the heads of a folder.
 
-    def __init__(self, files: list[Path], seed: int) -> None:
-        self.files, self.seed = files, seed
+    Those whose number divides by HELD_OUT are kept for the test. Heads that are rendered meanwhile
+    are taken up as they come.
+    """
+
+    def __init__(self, folder: Path, seed: int, test: bool = False) -> None:
+        self.folder, self.seed, self.test = folder, seed, test
+
+    def files(self) -> list[Path]:
+        found = sorted(self.folder.glob("[0-9]*[0-9].npz"))
+        return [file for file in found if (int(file.stem) % HELD_OUT == 0) == self.test]
 
     def __iter__(self) -> Any:
-        worker = torch.utils.data.get_worker_info()
-        rng = np.random.default_rng([self.seed, worker.id if worker else 0])
+        rng = np.random.default_rng(self.seed)
         held: dict[Path, Any] = {}
-        while True:
-            file = self.files[rng.integers(len(self.files))]
+        for number in itertools.count():
+            if number % 1000 == 0:
+                files = self.files()
+            file = files[rng.integers(len(files))]
             if file not in held:
                 with np.load(file) as data:
                     held[file] = tuple(data[name] for name in ("renders", "shares", "landmarks"))
@@ -96,7 +81,12 @@ def example(
     level = lit.mean(axis=(1, 2, 3), keepdims=True) + 1e-6
     linear = np.einsum("l,lyxc,lc->yxc", mix, lit / level, tint)
     skin = shares[..., 1:3].sum(axis=-1, keepdims=True, dtype=np.float32) / 255
-    linear = linear * np.exp(skin * _detail(size, rng))
+    if rng.random() < 0.5:
+        linear = _smooth_hair(linear, shares, rng)
+    paint, shine = skin_looks(landmarks[:, :2], size, rng)
+    linear = linear * np.exp(skin * paint)
+    # Where there is no light there is no shine.
+    linear = linear + skin * shine * cv2.blur(linear, (9, 9)).mean(axis=-1, keepdims=True) * 3
     if rng.random() < 0.5:  # the path tracer's noise must not tell hair from skin
         linear = cv2.bilateralFilter(linear.astype(np.float32), 5, 0.3, 1.2)
     render = np.concatenate([linear, renders[0, ..., 3:]], axis=-1).astype(np.float32)
@@ -105,21 +95,19 @@ def example(
     return _cropped(picture, shares, landmarks[:, :2], rng)
 
 
-def _detail(size: int, rng: np.random.Generator) -> np.ndarray:
-    """(S, S, 3): log albedo of freckles, redness and pores, and now and then a mole."""
-    total = np.zeros((size, size, 3), np.float32)
-    for sigma in (0.7, 1.5, 4.0, 12.0):
-        noise = cv2.GaussianBlur(
-            rng.standard_normal((size, size)).astype(np.float32), (0, 0), sigma
-        )
-        strength = abs(rng.normal(0, 0.05)) / max(float(noise.std()), 1e-6)
-        total += (strength * noise)[..., None] * np.array([0.6, 1.0, 1.0]) * rng.uniform(0.5, 1)
-    for _ in range(rng.integers(0, 6)):
-        x, y = (int(v) for v in rng.uniform(0.3, 0.7, 2) * size)
-        spot = np.zeros((size, size), np.float32)
-        cv2.circle(spot, (x, y), int(rng.integers(1, 3)), 1.0, -1, cv2.LINE_AA)
-        total -= spot[..., None] * rng.uniform(0.2, 0.9)
-    return total
+def _smooth_hair(linear: np.ndarray, shares: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Well-kept hair: without the glitter of single strands, now and then of the skin's colour."""
+    hair = shares[..., CLASSES.index("hair"), None].astype(np.float32) / 255
+    linear = linear.astype(np.float32)
+    sigma = rng.uniform(0.8, 3.0)
+    weight = cv2.GaussianBlur(hair, (0, 0), sigma)[..., None] + 1e-3
+    smooth = cv2.GaussianBlur(linear * hair, (0, 0), sigma) / weight
+    skin = shares[..., 1] > 200
+    if rng.random() < 0.4 and skin.any():
+        near = linear[skin].mean(axis=0) / max(float(linear[skin].mean()), 1e-6)
+        own = smooth.mean(axis=-1, keepdims=True)
+        smooth = smooth + rng.uniform(0, 1) * (own * near - smooth)
+    return linear + hair * rng.uniform(0.5, 1.0) * (smooth - linear)
 
 
 def _cropped(
@@ -147,10 +135,10 @@ def _cropped(
     target = np.stack(planes).astype(np.float32) / 255
     target[0] += np.maximum(1 - target[OTHERS].sum(axis=0), 0)
     seen = landmarks @ turn.T + move
-    contours = drawn(_mistaken(seen, rng), SIZE)
+    drawn = contours(_mistaken(seen, rng), SIZE)
     if rng.random() < 0.06:  # grey photos
         image = np.repeat(image.mean(axis=-1, keepdims=True), 3, axis=-1)
-    inputs = np.concatenate([image.transpose(2, 0, 1) - 0.5, valid[None], contours])
+    inputs = np.concatenate([image.transpose(2, 0, 1) - 0.5, valid[None], drawn])
     if rng.random() < 0.5:
         inputs, target = inputs[..., ::-1], target[..., ::-1]
     return np.ascontiguousarray(inputs), np.ascontiguousarray(target)
@@ -169,35 +157,45 @@ def _mistaken(landmarks: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 class Parser(nn.Module):
-    """A U-Net of a few hundred thousand weights, at half the resolution but for its last layer."""
+    """A residual U-Net of 1.5 million weights; a pixel of its finest level is 2 x 2 of the crop."""
 
     def __init__(self) -> None:
         super().__init__()
-        inputs, outputs = 4 + len(CONTOURS), len(CLASSES)
-        widths = (inputs, *CHANNELS)
-        pairs = list(itertools.pairwise(widths))
-        self.down = nn.ModuleList([_block(a, b, stride=2) for a, b in pairs])
-        self.middle = nn.Sequential(_block(CHANNELS[-1], CHANNELS[-1]), _Everywhere(CHANNELS[-1]))
-        steps = list(itertools.pairwise(CHANNELS[::-1]))
-        self.up = nn.ModuleList([_block(a + b, b) for a, b in steps])
-        self.fine = nn.Conv2d(inputs, 12, 3, padding=1)
-        self.last = nn.Sequential(
-            nn.Conv2d(12 + CHANNELS[0], 16, 1),
-            nn.ReLU(),
-            nn.Conv2d(16, 16, 3, padding=1),
-            nn.ReLU(),
-            nn.Conv2d(16, outputs, 1),
+        pairs = list(itertools.pairwise(CHANNELS))
+        self.stem = _layer(4 * (4 + len(CONTOURS)), CHANNELS[0])
+        self.down = nn.ModuleList([_layer(a, b, stride=2) for a, b in pairs])
+        self.blocks = nn.ModuleList(
+            [
+                nn.Sequential(*(_Residual(c) for _ in range(n)))
+                for (_, c), n in zip(pairs, BLOCKS, strict=True)
+            ]
         )
+        self.everywhere = _Everywhere(CHANNELS[-1])
+        self.aside = nn.ModuleList([nn.Conv2d(b, a, 1) for a, b in pairs])
+        self.up = nn.ModuleList([_layer(a, a) for a, _ in pairs])
+        self.last = nn.Conv2d(CHANNELS[0], 4 * len(CLASSES), 1)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        kept, y = [], x
-        for down in self.down:
-            y = down(y)
+        y = self.stem(functional.pixel_unshuffle(x, 2))
+        kept = []
+        for down, block in zip(self.down, self.blocks, strict=True):
             kept.append(y)
-        y = self.middle(y)
-        for up, side in zip(self.up, kept[-2::-1], strict=True):
-            y = up(torch.cat([_twice(y), side], dim=1))
-        return self.last(torch.cat([_twice(y), functional.relu(self.fine(x))], dim=1))
+            y = block(down(y))
+        y = self.everywhere(y)
+        for aside, up, side in zip(self.aside[::-1], self.up[::-1], kept[::-1], strict=True):
+            y = up(functional.interpolate(aside(y), scale_factor=2.0) + side)
+        return functional.pixel_shuffle(self.last(y), 2)
+
+
+class _Residual(nn.Module):
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.first = _layer(width, width)
+        self.second = nn.Conv2d(width, width, 3, padding=1, bias=False)
+        self.norm = nn.BatchNorm2d(width)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return functional.relu(x + self.norm(self.second(self.first(x))))
 
 
 class _Everywhere(nn.Module):
@@ -208,22 +206,12 @@ class _Everywhere(nn.Module):
         self.mix = nn.Sequential(nn.Conv2d(width, width, 1), nn.ReLU(), nn.Conv2d(width, width, 1))
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return x + self.mix(x.mean(dim=(2, 3), keepdim=True))
+        return x + functional.interpolate(self.mix(x.mean(dim=(2, 3), keepdim=True)), x.shape[2:])
 
 
-def _block(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
-    return nn.Sequential(
-        nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False),
-        nn.BatchNorm2d(outputs),
-        nn.ReLU(),
-        nn.Conv2d(outputs, outputs, 3, 1, 1, bias=False),
-        nn.BatchNorm2d(outputs),
-        nn.ReLU(),
-    )
-
-
-def _twice(x: torch.Tensor) -> torch.Tensor:
-    return functional.interpolate(x, scale_factor=2.0, mode="bilinear", align_corners=False)
+def _layer(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
+    convolution = nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False)
+    return nn.Sequential(convolution, nn.BatchNorm2d(outputs), nn.ReLU(inplace=True))
 
 
 def loss_of(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
@@ -244,28 +232,31 @@ def skin_iou(logits: torch.Tensor, target: torch.Tensor) -> float:
 
 
 def main() -> None:
-    """Train, test on every fortieth head, write the weights."""
+    """Train, test on the heads held out, write the weights."""
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n", 1)[0])
     parser.add_argument("heads", type=Path)
     parser.add_argument("output", type=Path, help="an .onnx file; its weights beside it as .pt")
     parser.add_argument("--minutes", type=float, default=60.0)
-    parser.add_argument("--batch", type=int, default=12)
+    parser.add_argument("--batch", type=int, default=16)
     parser.add_argument("--seed", type=int, default=0, help="of the examples")
     parser.add_argument("--start", type=Path, help="weights (.pt) to go on from")
+    parser.add_argument("--rate", type=float, default=3e-3, help="the highest learning rate")
     options = parser.parse_args()
     torch.manual_seed(0)
-    files = sorted(options.heads.glob("[0-9]*[0-9].npz"))
-    held_out, files = files[::40], [f for k, f in enumerate(files) if k % 40]
+    heads = Heads(options.heads, options.seed)
     model = Parser().to(memory_format=torch.channels_last)
-    print(f"{len(files)} heads, {sum(p.numel() for p in model.parameters())} weights", flush=True)
+    print(
+        f"{len(heads.files())} heads, {sum(p.numel() for p in model.parameters())} weights",
+        flush=True,
+    )
     if options.start:
         model.load_state_dict(torch.load(options.start, weights_only=True))
-    tests = zip(*itertools.islice(Heads(held_out, 1), 60), strict=True)
+    tests = zip(*itertools.islice(Heads(options.heads, 1, test=True), 96), strict=True)
     test_in, test_out = (torch.from_numpy(np.stack(x)) for x in tests)
     loader = torch.utils.data.DataLoader(
-        Heads(files, options.seed), batch_size=options.batch, num_workers=1, prefetch_factor=4
+        heads, batch_size=options.batch, num_workers=1, prefetch_factor=4
     )
-    peak = 3e-3
+    peak = options.rate
     optimiser = torch.optim.AdamW(model.parameters(), lr=peak, weight_decay=1e-3)
     began, seconds, shown, total = time.monotonic(), 60 * options.minutes, 0.0, []
     for number, (inputs, target) in enumerate(loader):

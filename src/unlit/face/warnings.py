@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..color import UNCLIPPED, encode_srgb
+from ..perception.covers import LEAST, covers
 from .conditions import LightEstimate
+from .photo import FacePhoto
 from .reconstruction import Reconstruction
 
 _SHADOW = 0.1  # of the strongest light on the face, which is 1 by convention
@@ -46,6 +48,14 @@ _AT_BOUND = (
     "light is probably taken for too weak there."
 )
 
+#: What covers the face; the share is that of `covers`.
+_COVERS = {
+    "tinted glasses": "Tinted glasses: the eyes and the skin behind them are not measured; there "
+    "the maps are filled in.",
+    "glasses": "Glasses: their frames are left out. Skin behind clear lenses counts as skin, with "
+    "what the glass reflects.",
+}
+
 
 def warnings(r: Reconstruction) -> tuple[str, ...]:
     """The warnings kept in metrics.json, printed and shown; empty where nothing was found."""
@@ -69,8 +79,20 @@ def warnings(r: Reconstruction) -> tuple[str, ...]:
         _misfit(r.head.landmark_residual),
         _light_color(r.conditions.light_estimate),
         _card(r),
+        *_covered(r.photo),
     )
     return tuple(sentence for sentence in found if sentence)
+
+
+def _covered(photo: FacePhoto) -> list[str]:
+    shares = photo.regions.shares
+    if shares is None:
+        return []
+    scale = len(shares) / len(photo.image)
+    found = covers(shares, photo.landmarks[:, :2] * scale)
+    return [
+        text.format(found[name]) for name, text in _COVERS.items() if found[name] >= LEAST[name]
+    ]
 
 
 def _of_share(sentence: str, where: ArrayLike, least: float = _CLIPPED_SHARE) -> str:

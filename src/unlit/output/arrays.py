@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from ..face.reconstruction import Reconstruction
+from ..perception.parser import CLASSES
+from ..perception.parser import SIZE as PARSED
 from ..storage.arrays import Kind, check_indices, read_checked
 
 _COLOUR, _SCALAR = Kind(("S", "S", 3)), Kind(("S", "S"))
@@ -14,6 +16,7 @@ _COLOUR, _SCALAR = Kind(("S", "S", 3)), Kind(("S", "S"))
 _ARRAYS = {
     "image": ("photo.image", _COLOUR),
     "regions": ("photo.regions.weights", Kind(("S", "S", 6))),
+    "shares": ("photo.regions.shares", Kind((PARSED, PARSED, len(CLASSES)))),
     "landmarks": ("photo.landmarks", Kind(("M", 3), "<f8")),
     "vertices": ("face.mesh.vertices", Kind(("V", 3))),
     "triangles": ("face.mesh.triangles", Kind(("F", 3), "<i4")),
@@ -38,8 +41,8 @@ _ARRAYS = {
     "render": ("images.render", _COLOUR),
     "visibility": ("conditions.visibility", _SCALAR),
 }
-#: Only in results with a shadow of something else.
-_OPTIONAL = ("visibility",)
+#: Only in results that the parser was asked for, and with a shadow of something else.
+_OPTIONAL = ("shares", "visibility")
 #: What indexes into arrays of which size, and the lowest index: -1 where the mesh has no landmark.
 _INDEXED = {"triangles": ("V", 0), "triangle_uv": ("T", 0), "fit_landmark_triangle": ("F", -1)}
 _AGAIN = "reconstruct the photo again"

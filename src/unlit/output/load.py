@@ -52,7 +52,7 @@ def load(folder: str | Path) -> Reconstruction:
             arrays["image"],
             file.camera,
             file.crop,
-            Regions(arrays["regions"]),
+            Regions(arrays["regions"], arrays.get("shares")),
             arrays["landmarks"],
             kept.unit_cd_m2,
         ),

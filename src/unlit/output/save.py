@@ -20,6 +20,7 @@ from .images import MAPS, exr, png
 from .metrics import metrics_json
 from .montage import montage_png
 from .result_file import result_toml
+from .segmentation import segmentation_png
 from .textures import PNGS
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ _OTHER_FILES = {
     _ARRAYS: "every array, as loaded by unlit.load",
     "metrics.json": "losses by stage, timings, memory, residual of the fit",
     "montage.png": "all of it at a glance",
+    "segmentation.png": "what each pixel was taken for: skin, hair, glasses, cloth",
     MARK: "this file",
 }
 LOG = "reconstruction.log"
@@ -90,7 +92,10 @@ def save(
         MARK: result_toml(r, FILES),
         LOG: log,
     }
-    contents: Contents = {"montage.png": lambda: montage_png(r)}
+    contents: Contents = {
+        "montage.png": lambda: montage_png(r),
+        "segmentation.png": lambda: segmentation_png(r),
+    }
     for name, (array, look) in MAPS.items():
         contents[f"{name}.exr"] = lambda array=array: exr(array(r))
         contents[f"{name}.png"] = lambda array=array, look=look: png(look(array(r)))

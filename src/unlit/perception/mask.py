@@ -53,4 +53,4 @@ def painted(regions: Regions, face: np.ndarray) -> Regions:
     rows[:, 4] = np.minimum(rows[:, 4], 1 - new)
     rows[:, 5] = np.maximum(1 - rows[:, :5].sum(axis=1), 0)
     weights[other] = rows
-    return Regions(weights)
+    return Regions(weights, regions.shares)

@@ -1,20 +1,23 @@
 """Regions of the face as soft masks: skin, lips, eyes, eyebrows, mouth interior, everything else.
 
 Lips, eyes, eyebrows and the mouth are the landmarks' contours; skin is what `skin.py` leaves
-of the rest of the face. Section 3.1 of the paper takes such a segmentation from a face parser; no
-parser with weights under a free licence was found.
+of the rest of the face, without glasses (`glasses.py`, and what the network of `parser.py` sees of
+them). Section 3.1 of the paper takes such a segmentation from a face parser.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from ..errors import FaceError
+from .covers import LEAST, TOLD_BY, covers
 from .glasses import glasses_frames
 from .measures import coverage, face_size, feather, smooth_contour, smoothstep
 from .mouth import mouth_opening, relative_gap
+from .parser import CLASSES, parse
 from .skin import visible_face
 from .topology import (
     LEFT_EYE,
@@ -35,6 +38,7 @@ REGIONS = ("skin", "lips", "eyes", "eyebrows")
 # laughing eyes have apertures from 0.23 and scores to 0.29.
 _APERTURE = (0.08, 0.14)
 _BLINK = (0.65, 0.85)
+_GLASSES = (0.2, 0.6)  # share from which the parser's glasses count, and count wholly
 _FEATHER = 1 / 300  # standard deviation over the face's size: 1 pixel at 512
 
 
@@ -46,9 +50,12 @@ class Regions:
         background; they sum to 1 at every pixel. Skin includes a short beard and eyelids; ears,
         neck, hair and glasses are background; eyes are the visible eyeballs; mouth is teeth,
         tongue and the dark between open lips.
+    shares: (192, 192, 13) float32 in [0, 1], of each of `parser.CLASSES`, on a coarser grid over
+        the same crop; None where no parser was asked.
     """
 
     weights: np.ndarray
+    shares: np.ndarray | None = None
 
     @property
     def skin(self) -> np.ndarray:
@@ -86,12 +93,15 @@ class Regions:
         return self.weights[..., :4].sum(axis=-1)
 
 
-def segment(image: np.ndarray, landmarks: np.ndarray, blendshapes: dict[str, float]) -> Regions:
+def segment(
+    image: np.ndarray, landmarks: np.ndarray, blendshapes: dict[str, float], inside: np.ndarray
+) -> Regions:
     """Segment a face crop.
 
     image: (S, S, 3) linear sRGB. landmarks: (478, 2) pixels of the crop (further columns are
-    ignored). blendshapes: the landmarker's scores, of which the eyes' blinks are used.
-    Deterministic. Raises FaceError when the shapes do not fit.
+    ignored). blendshapes: the landmarker's scores, of which the eyes' blinks are used. inside:
+    (S, S) bool, which pixels of the crop are in the photo. Deterministic. Raises FaceError when
+    the shapes do not fit.
     """
     image = np.asarray(image, np.float32)
     landmarks = np.asarray(landmarks, np.float64)[:, :2]
@@ -105,7 +115,9 @@ def segment(image: np.ndarray, landmarks: np.ndarray, blendshapes: dict[str, flo
     def mask(indices: tuple[int, ...]) -> np.ndarray:
         return feather(coverage(smooth_contour(landmarks[list(indices)]), resolution), sigma)
 
-    visible = visible_face(image, landmarks) * (1 - glasses_frames(image, landmarks))
+    shares = parse(image, landmarks, inside)
+    visible = visible_face(image, landmarks) * inside
+    visible *= 1 - np.maximum(glasses_frames(image, landmarks), _glasses(shares, landmarks, image))
     mouth = mask(LIPS_INNER) * mouth_opening(image, landmarks)
     lips = mask(LIPS_OUTER)
     right_open = _eye_opening(landmarks, RIGHT_EYE, RIGHT_LID_GAP, blendshapes["eyeBlinkRight"])
@@ -120,7 +132,18 @@ def segment(image: np.ndarray, landmarks: np.ndarray, blendshapes: dict[str, flo
         rest = rest * (1 - region)
     weights[..., 0] = rest
     weights[..., 5] = 1 - visible
-    return Regions(weights)
+    return Regions(weights, shares)
+
+
+def _glasses(shares: np.ndarray, landmarks: np.ndarray, image: np.ndarray) -> np.ndarray:
+    """(S, S) float32 in [0, 1]: frames, and tinted lenses with the eyes that they let through."""
+    found = covers(shares, landmarks * (len(shares) / len(image)))
+    worn = [TOLD_BY[name] for name, share in found.items() if share >= LEAST[name]]
+    if "tinted lens" in worn:
+        worn.append("eyes")
+    total = shares[..., [CLASSES.index(name) for name in worn]].sum(axis=-1)
+    enlarged = cv2.resize(total, image.shape[:2], interpolation=cv2.INTER_CUBIC)
+    return smoothstep(enlarged, *_GLASSES)
 
 
 def _eye_opening(

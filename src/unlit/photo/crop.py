@@ -70,6 +70,12 @@ class Crop:
         columns = _means(self.resolution, x0, step, photo.shape[1])
         return _resample(photo, rows, columns)
 
+    def inside(self, width: int, height: int) -> np.ndarray:
+        """(S, S) bool: the crop's pixels whose centres lie in a photo of that size."""
+        side = np.arange(self.resolution) + 0.5
+        x, y = self.inverse_points(np.stack([side, side], axis=1)).T
+        return ((y >= 0) & (y <= height))[:, None] & ((x >= 0) & (x <= width))
+
     def paste(self, crop: np.ndarray, photo: np.ndarray, mask: np.ndarray) -> np.ndarray:
         """Put a crop back: a copy of `photo` (H, W, C) with `crop` (S, S, C) blended in.
 

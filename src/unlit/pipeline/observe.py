@@ -45,7 +45,7 @@ def observe(
     image = np.maximum(crop.image(photo.pixels), 0).astype(np.float32)
     xy = crop.points(found.landmarks[:, :2])
     landmarks = np.column_stack([xy, found.landmarks[:, 2] * crop.scale])
-    regions = segment(image, landmarks, found.blendshapes)
+    regions = segment(image, landmarks, found.blendshapes, crop.inside(width, height))
     if mask is not None:
         regions = painted(regions, regions.face * crop.image(mask))
     name = Path(photo.source).name

@@ -5,9 +5,10 @@ import pytest
 import snapshots
 import strands
 import worn
-from classes import CLASSES, OTHERS
 from dressed import Dressed, Look, Scene, View
 from heads import random_head
+
+from unlit.perception.parser import CLASSES, OTHERS
 
 SIZE = 48
 

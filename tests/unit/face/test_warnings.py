@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 from changed import changed, part
+from drawn_face import SIZE as DRAWN
+from drawn_face import drawn_landmarks
 from report_head import report_head
 from unlit.face.warnings import warnings
+from unlit.perception.parser import CLASSES, SIZE
+from unlit.perception.topology import LEFT_EYE
 from unlit.photo.crop import Crop
 from unlit.settings.conditions import LightColorRequest
 from unlit.settings.settings import Settings
@@ -94,3 +98,18 @@ def test_skin_is_no_grey_card(face):
     (sentence,) = warnings(changed(face, {"settings.light_color": LightColorRequest(f"{x},{y}")}))
     assert sentence.startswith("Grey card")
     assert warnings(changed(face, {"settings.light_color": LightColorRequest("0,0")})) == ()
+
+
+def test_what_covers_the_face_is_named(face):
+    """Tinted glasses over the eyes; on the same face of nothing but skin, nothing is told."""
+    drawn = drawn_landmarks()
+    landmarks = np.column_stack([drawn, np.zeros(len(drawn))]) * (len(face.face.mask) / DRAWN)
+    shares = np.zeros((SIZE, SIZE, len(CLASSES)), np.float32)
+    shares[..., CLASSES.index("skin")] = 1
+    bare = {"photo.landmarks": landmarks, "photo.regions.shares": shares}
+    assert warnings(changed(face, bare)) == ()
+    eyes = landmarks[list(LEFT_EYE), 1].mean() * SIZE / len(face.face.mask)
+    worn = np.zeros_like(shares)
+    worn[..., CLASSES.index("tinted lens")] = np.abs(np.arange(SIZE) - eyes)[:, None] < 12
+    (sentence,) = warnings(changed(face, bare | {"photo.regions.shares": worn}))
+    assert sentence.startswith("Tinted glasses: the eyes")

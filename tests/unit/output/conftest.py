@@ -81,7 +81,10 @@ def face() -> Reconstruction:
             image=render + random.uniform(0, 0.01, render.shape).astype("f4"),
             camera=camera,
             crop=Crop(np.array([[1 / 3, 0, -7.1], [0, 1 / 3, 2.3]]), SIZE),
-            regions=Regions(random.uniform(size=(SIZE, SIZE, 6)).astype(np.float32)),
+            regions=Regions(
+                random.uniform(size=(SIZE, SIZE, 6)).astype(np.float32),
+                random.uniform(size=(192, 192, 13)).astype(np.float32),
+            ),
             landmarks=random.uniform(0, SIZE, (478, 3)),
             white_luminance=1000 / 3,
         ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,27 +17,30 @@ from unlit.perception.landmarks import find_faces
 from unlit.perception.measures import coverage, smooth_contour
 from unlit.perception.regions import Regions, segment
 from unlit.perception.topology import FACE_OVAL, LEFT_EYE, LIPS_INNER, LIPS_OUTER, RIGHT_EYE
-from unlit.perception.views import Pyramid, Square
-
-OPEN_EYES = {"eyeBlinkLeft": 0.05, "eyeBlinkRight": 0.05}
+from unlit.photo.crop import face_crop
 
 
 class Subject:
-    """A 512 x 512 crop in linear sRGB and its landmarks."""
+    """A crop in linear sRGB and its landmarks."""
 
     def __init__(self, rgb: np.ndarray, resolution: int = 512) -> None:
         face = find_faces(rgb)[0]
-        points = face.landmarks[:, :2].astype(np.float64)
-        low, high = points.min(axis=0), points.max(axis=0)
-        side = float((high - low).max() * 1.5)
-        x, y = (low + high) / 2 - (0, 0.08 * side)
-        view = Pyramid(rgb).view(Square(x, y, side, 0.0), resolution)
-        self.image = decode_srgb(view / 255)
-        self.landmarks = (points - (x, y)) / side * resolution + resolution / 2
+        height, width = rgb.shape[:2]
+        crop = face_crop(face.landmarks, resolution, (width, height))
+        self.image = crop.image(decode_srgb(rgb / 255))
+        self.in_photo = crop.inside(width, height)
+        self.landmarks = crop.points(face.landmarks[:, :2])
         self.blendshapes = face.blendshapes
 
-    def regions(self) -> Regions:
-        return segment(self.image, self.landmarks, self.blendshapes)
+    def regions(self, **changed: Any) -> Regions:
+        """With some of what `segment` is told changed."""
+        told = {
+            "image": self.image,
+            "landmarks": self.landmarks,
+            "blendshapes": self.blendshapes,
+            "inside": self.in_photo,
+        }
+        return segment(**(told | changed))
 
     def inside(self, indices: tuple[int, ...]) -> np.ndarray:
         contour = smooth_contour(self.landmarks[list(indices)])
@@ -114,7 +118,7 @@ def test_closed_lips_have_no_mouth(astronaut: Subject) -> None:
     landmarks = astronaut.landmarks.copy()
     upper, lower = list(LIPS_INNER[1:10]), list(LIPS_INNER[:10:-1])
     landmarks[upper] = landmarks[lower] = (landmarks[upper] + landmarks[lower]) / 2
-    found = segment(astronaut.image, landmarks, astronaut.blendshapes)
+    found = astronaut.regions(landmarks=landmarks)
     assert found.mouth.max() == 0
     assert found.lips[astronaut.inside(LIPS_INNER)].mean() > 0.9
 
@@ -123,7 +127,7 @@ def test_parted_landmarks_on_closed_lips(astronaut: Subject) -> None:
     """Where the landmarks part lips that show neither teeth nor dark, the mouth stays closed."""
     image = astronaut.image.copy()
     image[astronaut.inside(LIPS_OUTER)] = (0.35, 0.12, 0.1)
-    found = segment(image, astronaut.landmarks, astronaut.blendshapes)
+    found = astronaut.regions(image=image)
     assert found.mouth.max() == 0
 
 
@@ -133,7 +137,7 @@ def test_closed_eyes_are_skin(astronaut: Subject) -> None:
     upper, lower = list(RIGHT_EYE[1:8]), list(RIGHT_EYE[:8:-1])
     landmarks[upper] = landmarks[lower] = (landmarks[upper] + landmarks[lower]) / 2
     blink = {**astronaut.blendshapes, "eyeBlinkLeft": 0.95}
-    found = segment(astronaut.image, landmarks, blink)
+    found = astronaut.regions(landmarks=landmarks, blendshapes=blink)
     assert found.eyes.max() == 0
     assert found.skin[astronaut.inside(LEFT_EYE)].mean() > 0.9
 
@@ -145,7 +149,7 @@ def test_hard_shadow_is_skin(astronaut: Subject, regions: Regions, lit: str) -> 
     nose = astronaut.landmarks[4, 0]
     bright = columns < nose if lit == "left" else columns > nose
     image = astronaut.image * np.where(bright, 1, 0.06)[None, :, None].astype(np.float32)
-    found = segment(image, astronaut.landmarks, astronaut.blendshapes)
+    found = astronaut.regions(image=image)
     before, after = regions.face > 0.5, found.face > 0.5
     assert (before & after).sum() / (before | after).sum() > 0.93
 
@@ -160,7 +164,7 @@ def test_dark_line_across_the_bridge_is_glasses(astronaut: Subject, regions: Reg
     left, right = ((int(x), int(y)) for x, y in (eyes[0] + (38, 0), eyes[1] - (38, 0)))
     cv2.line(frame, left, right, 1, 4)
     image[frame > 0] = 0.01
-    found = segment(image, astronaut.landmarks, astronaut.blendshapes)
+    found = astronaut.regions(image=image)
     on_skin = (frame > 0) & (regions.skin > 0.9)
     assert found.face[on_skin].mean() < 0.2
     away = cv2.dilate(frame, np.ones((13, 13), np.uint8)) == 0
@@ -185,18 +189,30 @@ def test_resolution_does_not_matter(regions: Regions, resolution: int) -> None:
 def test_uniform_image_does_not_fail() -> None:
     """No colour tells skin from surroundings: the landmarks decide, and nothing breaks."""
     subject = Subject(data.astronaut(), 256)
-    subject.image[:] = 0.2
-    skin = subject.regions().skin
+    skin = subject.regions(image=np.full_like(subject.image, 0.2)).skin
     assert skin[subject.inside(FACE_OVAL)].mean() > 0.6
     assert skin[~subject.inside(FACE_OVAL)].mean() < 0.2  # the forehead may be high
+
+
+def test_what_is_outside_of_the_photo_is_background() -> None:
+    """A photo that ends beside the nose, whose edge the crop repeats: nothing is found beyond."""
+    rgb = data.astronaut()
+    whole = Subject(rgb, 256)
+    beyond = np.arange(256) >= whole.landmarks[4, 0]
+    image = whole.image.copy()
+    image[:, beyond] = image[:, ~beyond][:, -1:]
+    inside = whole.in_photo & ~beyond
+    found = whole.regions(image=image, inside=inside)
+    assert found.background[:, beyond].min() == 1
+    assert found.face[:, ~beyond].sum() > 0.3 * whole.regions().face.sum()
 
 
 def test_wrong_shapes_are_named(astronaut: Subject) -> None:
     """A crop that is not square, or too few landmarks, is refused in one line."""
     with pytest.raises(FaceError, match="square"):
-        segment(np.zeros((10, 12, 3)), astronaut.landmarks, OPEN_EYES)
+        astronaut.regions(image=np.zeros((10, 12, 3)))
     with pytest.raises(FaceError, match=r"478"):
-        segment(astronaut.image, astronaut.landmarks[:468], OPEN_EYES)
+        astronaut.regions(landmarks=astronaut.landmarks[:468])
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,88 @@
+"""Are glasses and tinted glasses found, and not seen on bare heads?
+
+    python benchmarks/covers.py --work DIR [--heads 20] [--bare 60]
+
+Random heads, skins, hair and lights, path-traced as in masks.py; what is found is what the command
+warns of (perception/covers.py). Rendered pictures are kept in DIR.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is loaded
+
+# isort: split
+import snapshots
+from dressed import HAIR
+from masks import scene
+
+from unlit.errors import FaceError
+from unlit.perception.covers import LEAST, covers
+from unlit.photo.photo import Photo
+from unlit.pipeline.observe import observe
+
+SIZE = 256
+SAMPLES = 12
+#: By name of what is to be found, the cases of masks.py that have it.
+WORN = {"glasses": ("clear glasses",), "tinted glasses": ("tinted glasses",)}
+BARE = ("bald", "short hair", "loose strands", "stubble")
+
+
+def picture(work: Path, case: str, number: int) -> np.ndarray:
+    """(256, 256, 3) uint8 sRGB: a random head in that case, under a random light."""
+    file = work / f"covers-{case.replace(' ', '-')}-{number}.npz"
+    if not file.exists():
+        rng = np.random.default_rng([number, len(case)])
+        hair = str(rng.choice(list(HAIR)))
+        built = scene(case, number, hair, SIZE)
+        render = built.photograph(snapshots.random_light(rng), SAMPLES, number)
+        developed = snapshots.developed(render, snapshots.background(SIZE, rng), rng)
+        work.mkdir(parents=True, exist_ok=True)
+        np.savez_compressed(file, picture=developed)
+    with np.load(file) as data:
+        return data["picture"]
+
+
+def found_on(image: np.ndarray) -> set[str]:
+    """What is found on the largest face; nothing where no face is."""
+    try:
+        seen = observe(Photo.of(image, "head"), SIZE, "largest")
+    except FaceError:
+        return set()
+    shares = seen.regions.shares
+    assert shares is not None
+    there = covers(shares, seen.landmarks[:, :2] * (len(shares) / SIZE))
+    return {name for name, share in there.items() if share >= LEAST[name]}
+
+
+def heads(work: Path, cases: tuple[str, ...], count: int) -> Iterator[set[str]]:
+    """What is found on each of `count` heads of these cases."""
+    for number in range(count):
+        yield found_on(picture(work, cases[number % len(cases)], 500 + number))
+
+
+def main() -> None:
+    """One line for each of WORN, then the false alarms."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--work", type=Path, required=True, help="folder of the rendered pictures")
+    parser.add_argument("--heads", type=int, default=20, help="of each kind")
+    parser.add_argument("--bare", type=int, default=60, help="heads that wear nothing")
+    options = parser.parse_args()
+    print("| worn | found |\n|---|---|")
+    for name, cases in WORN.items():
+        told = list(heads(options.work, cases, options.heads))
+        print(f"| {name} | {sum(name in t for t in told)} of {len(told)} |", flush=True)
+    told = list(heads(options.work, BARE, options.bare))
+    alarms = {name: sum(name in t for t in told) for name in LEAST}
+    print(f"\nfalse alarms on {len(told)} bare heads: {alarms}")
+
+
+if __name__ == "__main__":
+    main()
