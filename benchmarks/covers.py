@@ -22,7 +22,7 @@ from dressed import HAIR
 from masks import scene
 
 from unlit.errors import FaceError
-from unlit.perception.covers import LEAST, covers
+from unlit.perception.covers import LEAST, worn
 from unlit.photo.photo import Photo
 from unlit.pipeline.observe import observe
 
@@ -56,8 +56,7 @@ def found_on(image: np.ndarray) -> set[str]:
         return set()
     shares = seen.regions.shares
     assert shares is not None
-    there = covers(shares, seen.landmarks[:, :2] * (len(shares) / SIZE))
-    return {name for name, share in there.items() if share >= LEAST[name]}
+    return set(worn(shares, seen.landmarks[:, :2], SIZE))
 
 
 def heads(work: Path, cases: tuple[str, ...], count: int) -> Iterator[set[str]]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..color import UNCLIPPED, encode_srgb
-from ..perception.covers import LEAST, covers
+from ..perception.covers import worn
 from .conditions import LightEstimate
 from .photo import FacePhoto
 from .reconstruction import Reconstruction
@@ -48,7 +48,7 @@ _AT_BOUND = (
     "light is probably taken for too weak there."
 )
 
-#: What covers the face; the share is that of `covers`.
+#: What covers the face, by the names of `covers`.
 _COVERS = {
     "tinted glasses": "Tinted glasses: the eyes and the skin behind them are not measured; there "
     "the maps are filled in.",
@@ -88,11 +88,8 @@ def _covered(photo: FacePhoto) -> list[str]:
     shares = photo.regions.shares
     if shares is None:
         return []
-    scale = len(shares) / len(photo.image)
-    found = covers(shares, photo.landmarks[:, :2] * scale)
-    return [
-        text.format(found[name]) for name, text in _COVERS.items() if found[name] >= LEAST[name]
-    ]
+    found = worn(shares, photo.landmarks[:, :2], len(photo.image))
+    return [text for name, text in _COVERS.items() if name in found]
 
 
 def _of_share(sentence: str, where: ArrayLike, least: float = _CLIPPED_SHARE) -> str:

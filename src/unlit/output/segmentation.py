@@ -8,7 +8,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ..color import encode_srgb, luminance
 from ..face.reconstruction import Reconstruction
-from ..perception.parser import CLASSES
+from ..perception.parser import CLASSES, LENS, OTHERS
+from ..perception.regions import REGIONS
 from .images import png
 
 #: sRGB, 0 to 255.
@@ -39,7 +40,7 @@ def segmentation_png(reconstruction: Reconstruction) -> bytes:
     photo = reconstruction.photo
     shares = photo.regions.shares
     if shares is None:
-        names = ("skin", "lips", "eyes", "eyebrows", "mouth", "background")
+        names = (*REGIONS, "mouth", "background")
         shares = np.zeros((*photo.regions.weights.shape[:2], len(CLASSES)), np.float32)
         shares[..., [CLASSES.index(name) for name in names]] = photo.regions.weights
     return png(_with_names(_coloured(photo.image, shares)))
@@ -49,10 +50,8 @@ def _coloured(image: np.ndarray, shares: np.ndarray) -> np.ndarray:
     """(S, S, 3) uint8; a clear lens is laid over what is behind it."""
     size = len(image)
     palette = np.array([COLOURS[name] for name in CLASSES], np.float32)
-    lens = CLASSES.index("clear lens")
-    over = 0.5 * shares[..., lens, None]
-    others = np.delete(shares, lens, axis=-1) @ np.delete(palette, lens, axis=0)
-    flat = (1 - over) * others + over * palette[lens]
+    over = 0.5 * shares[..., LENS, None]
+    flat = (1 - over) * (shares[..., OTHERS] @ palette[OTHERS]) + over * palette[LENS]
     flat = cv2.resize(flat, (size, size), interpolation=cv2.INTER_LINEAR)
     grey = 255 * encode_srgb(np.clip(luminance(image), 0, 1))[..., None]
     return np.rint((1 - _PHOTO) * flat + _PHOTO * grey).clip(0, 255).astype(np.uint8)

@@ -27,3 +27,13 @@ def covers(shares: np.ndarray, landmarks: np.ndarray) -> dict[str, float]:
         / max(float(where.sum()), 1.0)
         for name, where in places.items()
     }
+
+
+def worn(shares: np.ndarray, landmarks: np.ndarray, size: int) -> list[str]:
+    """Which of LEAST the face wears.
+
+    shares: (192, 192, 13), what `parse` says of a crop of `size` pixels a side. landmarks:
+    (478, 2), pixels of that crop.
+    """
+    found = covers(shares, landmarks * (len(shares) / size))
+    return [name for name, share in found.items() if share >= LEAST[name]]

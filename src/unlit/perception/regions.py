@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from ..errors import FaceError
-from .covers import LEAST, TOLD_BY, covers
+from .covers import TOLD_BY, worn
 from .glasses import glasses_frames
 from .measures import coverage, face_size, feather, smooth_contour, smoothstep
 from .mouth import mouth_opening, relative_gap
@@ -137,11 +137,10 @@ def segment(
 
 def _glasses(shares: np.ndarray, landmarks: np.ndarray, image: np.ndarray) -> np.ndarray:
     """(S, S) float32 in [0, 1]: frames, and tinted lenses with the eyes that they let through."""
-    found = covers(shares, landmarks * (len(shares) / len(image)))
-    worn = [TOLD_BY[name] for name, share in found.items() if share >= LEAST[name]]
-    if "tinted lens" in worn:
-        worn.append("eyes")
-    total = shares[..., [CLASSES.index(name) for name in worn]].sum(axis=-1)
+    classes = [TOLD_BY[name] for name in worn(shares, landmarks, len(image))]
+    if "tinted lens" in classes:
+        classes.append("eyes")
+    total = shares[..., [CLASSES.index(name) for name in classes]].sum(axis=-1)
     enlarged = cv2.resize(total, image.shape[:2], interpolation=cv2.INTER_CUBIC)
     return smoothstep(enlarged, *_GLASSES)
 
