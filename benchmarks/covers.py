@@ -1,4 +1,4 @@
-"""Are glasses and tinted glasses found, and not seen on bare heads?
+"""Are glasses, beards, hats and fringes found, and not seen on bare heads?
 
     python benchmarks/covers.py --work DIR [--heads 20] [--bare 60]
 
@@ -19,29 +19,37 @@ import unlit  # noqa: F401 - before Dr.Jit, which looks for LLVM when it is load
 # isort: split
 import snapshots
 from dressed import HAIR
-from masks import scene
+from masks import content_of, scene
 
 from unlit.errors import FaceError
 from unlit.perception.covers import LEAST, worn
 from unlit.photo.photo import Photo
 from unlit.pipeline.observe import observe
+from unlit.storage.keys import key
 
 SIZE = 256
 SAMPLES = 12
 #: By name of what is to be found, the cases of masks.py that have it.
-WORN = {"glasses": ("clear glasses",), "tinted glasses": ("tinted glasses",)}
+WORN = {
+    "glasses": ("clear glasses",),
+    "tinted glasses": ("tinted glasses",),
+    "beard": ("full beard",),
+    "hat": ("hat",),
+    "hair": ("blond fringe", "short fringe"),
+}
 BARE = ("bald", "short hair", "loose strands", "stubble")
 
 
 def picture(work: Path, case: str, number: int) -> np.ndarray:
     """(256, 256, 3) uint8 sRGB: a random head in that case, under a random light."""
-    file = work / f"covers-{case.replace(' ', '-')}-{number}.npz"
+    rng = np.random.default_rng([number, len(case)])
+    hair = str(rng.choice(list(HAIR)))
+    built = scene(case, number, hair, SIZE)
+    light, behind = snapshots.random_light(rng), snapshots.background(SIZE, rng)
+    this = key(content_of(built, SIZE, SAMPLES), light, behind)[:12]
+    file = work / f"covers-{case.replace(' ', '-')}-{this}.npz"
     if not file.exists():
-        rng = np.random.default_rng([number, len(case)])
-        hair = str(rng.choice(list(HAIR)))
-        built = scene(case, number, hair, SIZE)
-        render = built.photograph(snapshots.random_light(rng), SAMPLES, number)
-        developed = snapshots.developed(render, snapshots.background(SIZE, rng), rng)
+        developed = snapshots.developed(built.photograph(light, SAMPLES, number), behind, rng)
         work.mkdir(parents=True, exist_ok=True)
         np.savez_compressed(file, picture=developed)
     with np.load(file) as data:

@@ -136,10 +136,7 @@ def cells(work: Path, only: str = "") -> Iterator[tuple[str, list[Cell]]]:
 
 def _pictures(work: Path, case: str, number: int, lights: list[str]) -> list[Cell]:
     found, built = [], scene(case, number)
-    dressed = built.dressed
-    head = key(dressed.head.vertices, vars(dressed.look), built.landmarks())
-    grown = [s.points for kind in dressed.strands.values() for s in kind]
-    content = key(SIZE, SAMPLES, BOUNCES, head, *grown, *(p.vertices for p in dressed.worn))
+    content = content_of(built, SIZE, SAMPLES)
     for light in lights:
         name = f"{case}, {light}"
         environment = snapshots.LIGHTS[light]()
@@ -156,6 +153,14 @@ def _pictures(work: Path, case: str, number: int, lights: list[str]) -> list[Cel
         with np.load(file) as data:
             found.append(Cell(name, data["picture"], data["shares"].astype(np.float32) / 255))
     return found
+
+
+def content_of(built: Scene, size: int, samples: int) -> str:
+    """A key of all that a picture of the scene shows, but for its light and background."""
+    dressed = built.dressed
+    head = key(dressed.head.vertices, vars(dressed.look), built.landmarks())
+    grown = [s.points for kind in dressed.strands.values() for s in kind]
+    return key(size, samples, BOUNCES, head, *grown, *(p.vertices for p in dressed.worn))
 
 
 @dataclass(frozen=True)

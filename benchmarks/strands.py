@@ -46,7 +46,8 @@ class Style:
     curl: radius of the locks' spirals, cm, and turns per cm; clump: how far strands follow their
     lock, 0 to 1; wild: randomness of directions; count of strands; recede: how far the hairline
     lies above the usual one, cm; bald: whether the crown has no hair; fringe: length of what
-    grows near the forehead, cm, and falls over it, or None.
+    grows near the forehead, cm, and falls over it, or None; sweep: how far to one side, at most,
+    beside .9 forwards.
     """
 
     length: float
@@ -61,6 +62,7 @@ class Style:
     recede: float = 0.0
     bald: bool = False
     fringe: float | None = None
+    sweep: float = 0.6
 
 
 STYLES = {
@@ -78,6 +80,9 @@ STYLES = {
     "afro": Style(7.0, 1.0, (0.0, 0.1, 0.0), None, 0.0, (0.35, 0.9), 0.4, 0.35, 22_000),
     "fringe": Style(24.0, 0.25, (0.0, 0.0, -0.35), None, 0.5, clump=0.6, fringe=9.0),
     "short fringe": Style(5.0, 0.4, (0.1, 0.1, -0.3), None, 0.2, clump=0.6, fringe=7.0),
+    "side fringe": Style(
+        24.0, 0.25, (0.0, 0.0, -0.35), None, 0.5, clump=0.3, wild=0.05, fringe=12.0, sweep=2.0
+    ),
 }
 
 
@@ -95,7 +100,7 @@ def hair(head: Head, style: Style, rng: np.random.Generator) -> Strands:
         front = _azimuth(roots) < rng.uniform(35, 60)
         front &= (roots[:, 2] > -6.0) & (roots[:, 1] > 4.0)
         length[front] = style.fringe * rng.uniform(0.85, 1.0, front.sum())
-        forward = np.array([rng.uniform(-0.6, 0.6), 0.15, 0.9])
+        forward = np.array([rng.uniform(-style.sweep, style.sweep), 0.15, 0.9])
         direction[front] = 0.3 * normals[front] + 0.7 * forward
     return _grow(head, roots, direction, length, style, rng, radius=rng.uniform(0.018, 0.035))
 

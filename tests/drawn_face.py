@@ -43,18 +43,13 @@ def drawn_landmarks(gap: float = 0.0) -> np.ndarray:
     angle = 2 * np.pi * np.arange(36) / 36
     oval = np.stack([np.sin(angle), -np.cos(angle)], axis=1) * (WIDE, HIGH)
     put(topology.FACE_OVAL, MIDDLE + oval)
-    put(topology.NOSE_RIDGE, ring(12, (MIDDLE[0], 140), (9, 14)))
-    for side, eye, brow, cheek in (
-        (-1, topology.RIGHT_EYE, topology.RIGHT_EYEBROW, topology.RIGHT_CHEEK),
-        (1, topology.LEFT_EYE, topology.LEFT_EYEBROW, topology.LEFT_CHEEK),
+    for side, eye, brow in (
+        (-1, topology.RIGHT_EYE, topology.RIGHT_EYEBROW),
+        (1, topology.LEFT_EYE, topology.LEFT_EYEBROW),
     ):
         x = MIDDLE[0] + side * EYE_OFFSET
         put(eye, ring(16, (x, EYES), (13, 5), side))
         put(brow, ring(10, (x, EYES - 18), (17, 3), side))
-        put(cheek, ring(11, (x, 155), (14, 12)))
-    for indices, x in zip(topology.BRIDGE_LINES, (0, -6, 6), strict=True):
-        ends = [(MIDDLE[0] + x, EYES + y) for y in (-10, 16)]
-        put(indices, np.linspace(ends[0], ends[1], len(indices)))
     put(topology.LIPS_OUTER, ring(20, (MIDDLE[0], MOUTH), (26, 12)))
     put(topology.LIPS_INNER, ring(20, (MIDDLE[0], MOUTH), (22, 0)))
     for upper, lower in topology.LIP_GAP:

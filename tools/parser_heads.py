@@ -35,6 +35,8 @@ SIZE = 224
 SAMPLES = 8
 LIGHTS = 2
 _HAIR = np.array(list(HAIR.values()))
+#: Hair over the forehead is what is most easily taken for skin: it comes more often.
+_STYLES = [*strands.STYLES, *(("fringe", "short fringe") * 2), *(("side fringe",) * 5)]
 
 
 def random_look(rng: np.random.Generator) -> Look:
@@ -51,7 +53,7 @@ def random_look(rng: np.random.Generator) -> Look:
     if rng.random() < 0.04:
         hair = rng.uniform(0.02, 0.5, 3)  # dyed
     brow = hair * rng.uniform(0.35, 1.1)
-    beard = hair if rng.random() < 0.7 else _HAIR[rng.integers(len(_HAIR))]
+    beard = hair if rng.random() < 0.5 else _HAIR[rng.integers(len(_HAIR))]
     iris = np.array([(0.05, 0.03, 0.015), (0.10, 0.16, 0.22), (0.09, 0.12, 0.06)])[rng.integers(3)]
 
     def rgb(colour: np.ndarray) -> tuple[float, float, float]:
@@ -70,13 +72,13 @@ def random_scene(rng: np.random.Generator) -> Scene:
     pieces = list(worn.garment(head, rng))
     hats = worn.hat(head, rng) if rng.random() < 0.16 else []
     if rng.random() < 0.92:
-        style = strands.STYLES[str(rng.choice(list(strands.STYLES)))]
+        style = strands.STYLES[str(rng.choice(_STYLES))]
         grown["hair"].append(_fewer(strands.hair(head, style, rng)))
         if rng.random() < 0.15:
             grown["hair"].append(strands.loose_strands(head, rng))
     if rng.random() < 0.95:
         grown["eyebrows"].append(strands.brows(head, rng))
-    if rng.random() < 0.27:
+    if rng.random() < 0.4:
         kind = str(rng.choice(list(strands.BEARDS)))
         grown["beard"].append(_fewer(strands.beard(head, kind, rng)))
     if rng.random() < 0.28:

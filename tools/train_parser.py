@@ -29,6 +29,7 @@ from torch.nn import functional
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 import snapshots
+from painted_fringe import painted_fringe
 from skin_looks import skin_looks
 
 from unlit.perception.parser import CLASSES, CONTOURS, LENS, OTHERS, SIZE, contours
@@ -75,11 +76,14 @@ def example(
 ) -> tuple[np.ndarray, np.ndarray]:
     """One picture of a head."""
     size = renders.shape[1]
-    mix = rng.dirichlet(np.full(len(renders), 0.6))
+    hard = rng.random() < 0.3
+    mix = rng.dirichlet(np.full(len(renders), 0.05 if hard else 0.6))
     tint = np.exp(rng.normal(0, 0.12, (len(renders), 3)))
     lit = renders[..., :3].astype(np.float32)
     level = lit.mean(axis=(1, 2, 3), keepdims=True) + 1e-6
     linear = np.einsum("l,lyxc,lc->yxc", mix, lit / level, tint)
+    if rng.random() < 0.2:
+        linear, shares = painted_fringe(linear, shares, landmarks[:, :2], rng)
     skin = shares[..., 1:3].sum(axis=-1, keepdims=True, dtype=np.float32) / 255
     if rng.random() < 0.5:
         linear = _smooth_hair(linear, shares, rng)
@@ -87,12 +91,24 @@ def example(
     linear = linear * np.exp(skin * paint)
     # Where there is no light there is no shine.
     linear = linear + skin * shine * cv2.blur(linear, (9, 9)).mean(axis=-1, keepdims=True) * 3
-    if rng.random() < 0.5:  # the path tracer's noise must not tell hair from skin
+    if hard or rng.random() < 0.5:  # the path tracer's noise must not tell hair from skin
         linear = cv2.bilateralFilter(linear.astype(np.float32), 5, 0.3, 1.2)
-    render = np.concatenate([linear, renders[0, ..., 3:]], axis=-1).astype(np.float32)
     behind = snapshots.background(size, rng).astype(np.float32)
+    if hard:
+        linear = _crushed(linear, skin > 0.9, rng)
+        behind = behind * np.float32(rng.choice([0.0, 0.05, 1.0]))
+    render = np.concatenate([linear, renders[0, ..., 3:]], axis=-1).astype(np.float32)
     picture = snapshots.developed(render, behind, rng)
     return _cropped(picture, shares, landmarks[:, :2], rng)
+
+
+def _crushed(linear: np.ndarray, skin: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Light from one side only: what lies in shadow is black, up to a third of the skin."""
+    if not skin.any():
+        return linear
+    grey = linear.mean(axis=-1, keepdims=True)
+    black = np.quantile(grey[skin], rng.uniform(0.0, 0.35))
+    return linear * np.maximum(1 - black / np.maximum(grey, 1e-6), rng.choice([0, 0.003, 0.02]))
 
 
 def _smooth_hair(linear: np.ndarray, shares: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -174,6 +190,10 @@ class Parser(nn.Module):
         self.aside = nn.ModuleList([nn.Conv2d(b, a, 1) for a, b in pairs])
         self.up = nn.ModuleList([_layer(a, a) for a, _ in pairs])
         self.last = nn.Conv2d(CHANNELS[0], 4 * len(CLASSES), 1)
+        # The four pixels of a cell are made alone; neighbours' borders must not show.
+        tent = torch.tensor([1.0, 2.0, 1.0]) / 4
+        kernel = (tent[:, None] * tent).expand(len(CLASSES), 1, 3, 3).clone()
+        self.register_buffer("tent", kernel, persistent=False)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         y = self.stem(functional.pixel_unshuffle(x, 2))
@@ -184,7 +204,8 @@ class Parser(nn.Module):
         y = self.everywhere(y)
         for aside, up, side in zip(self.aside[::-1], self.up[::-1], kept[::-1], strict=True):
             y = up(functional.interpolate(aside(y), scale_factor=2.0) + side)
-        return functional.pixel_shuffle(self.last(y), 2)
+        fine = functional.pixel_shuffle(self.last(y), 2)
+        return functional.conv2d(fine, self.tent, padding=1, groups=len(CLASSES))
 
 
 class _Residual(nn.Module):
@@ -240,6 +261,9 @@ def main() -> None:
     parser.add_argument("--batch", type=int, default=16)
     parser.add_argument("--seed", type=int, default=0, help="of the examples")
     parser.add_argument("--start", type=Path, help="weights (.pt) to go on from")
+    parser.add_argument(
+        "--keep", type=float, default=0.0, help="share of the weights of --start in the result"
+    )
     parser.add_argument("--rate", type=float, default=3e-3, help="the highest learning rate")
     options = parser.parse_args()
     torch.manual_seed(0)
@@ -282,6 +306,12 @@ def main() -> None:
             total = []
             torch.save(model.state_dict(), options.output.with_suffix(".pt"))
     model.eval()
+    if options.start:
+        # What was learnt last is not to push out what was known.
+        began_with = torch.load(options.start, weights_only=True)
+        for name, weights in model.state_dict().items():
+            if weights.is_floating_point():
+                weights.lerp_(began_with[name], options.keep)
     torch.save(model.state_dict(), options.output.with_suffix(".pt"))
     torch.onnx.export(
         model,

@@ -48,12 +48,18 @@ _AT_BOUND = (
     "light is probably taken for too weak there."
 )
 
-#: What covers the face, by the names of `covers`.
+#: What covers the face; the share is that of `covers`.
 _COVERS = {
     "tinted glasses": "Tinted glasses: the eyes and the skin behind them are not measured; there "
     "the maps are filled in.",
     "glasses": "Glasses: their frames are left out. Skin behind clear lenses counts as skin, with "
     "what the glass reflects.",
+    "beard": "Beard: it covers {:.0%} of the face below the nose. There the maps are filled in "
+    "from around.",
+    "hair": "Hair: it covers {:.0%} of the forehead. There the maps are filled in from around.",
+    "hat": "Hat: what it covers is filled in, and its shadow may stay in the albedo.",
+    "hand or cloth": "Hand or cloth: it seems to cover {:.0%} of the face. There the maps are "
+    "filled in from around.",
 }
 
 
@@ -89,7 +95,7 @@ def _covered(photo: FacePhoto) -> list[str]:
     if shares is None:
         return []
     found = worn(shares, photo.landmarks[:, :2], len(photo.image))
-    return [text for name, text in _COVERS.items() if name in found]
+    return [text.format(found[name]) for name, text in _COVERS.items() if name in found]
 
 
 def _of_share(sentence: str, where: ArrayLike, least: float = _CLIPPED_SHARE) -> str:

@@ -87,7 +87,7 @@ class ShadingProblem:
         log = np.log(smooth)
         self.chroma = log[..., :2] - log[..., 1:]
         reach = 2 * max(1, round(settings.margin * self.pixel)) + 1
-        bare = regions.skin + regions.lips > 0.9
+        bare = regions.skin + regions.lips > 0.5
         bare &= smooth.max(axis=2) < _BRIGHTEST
         # A square's minimum, which unlike `binary_erosion` is taken axis by axis.
         self.bare: Any = ndimage.minimum_filter(bare, reach, mode="constant")

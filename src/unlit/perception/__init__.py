@@ -1,1 +1,1 @@
-"""What off-the-shelf networks and colour say of the photo: faces, expression, regions."""
+"""What networks say of the photo: faces, expression, what each pixel shows."""

@@ -1,39 +1,59 @@
-"""Which glasses cover a face, told from the parser's shares."""
+"""What covers a face: glasses, a beard, hair, a hat, a hand or cloth, told from the shares."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from .measures import upwards
 from .parser import CLASSES, CONTOURS, SIZE, contours
-from .topology import FACE_OVAL, LEFT_EYE, RIGHT_EYE
+from .topology import FACE_OVAL, LEFT_EYE, LEFT_EYEBROW, NOSE_BASE, RIGHT_EYE, RIGHT_EYEBROW
 
 #: The share of its place from which something counts as there; see `covers`. On the 21 photos of
-#: the lab notes frames have .04 to .09 where some are worn and up to .02 where none are.
-LEAST = {"glasses": 0.03, "tinted glasses": 0.4}
-#: The class that tells each.
-TOLD_BY = {"glasses": "frame", "tinted glasses": "tinted lens"}
+#: the lab notes, worn and not: glasses .05 and .02, tinted ones .87 and .00, a full beard .21 and
+#: .10, a hat .28 and .09.
+LEAST = {
+    "glasses": 0.03,
+    "tinted glasses": 0.4,
+    "beard": 0.15,
+    "hair": 0.1,
+    "hat": 0.18,
+    "hand or cloth": 0.04,
+}
 
 
-def covers(shares: np.ndarray, landmarks: np.ndarray) -> dict[str, float]:
-    """Of each of LEAST, how much of its place it takes, 0 to 1.
+def covers(shares: np.ndarray, landmarks: np.ndarray, size: int) -> dict[str, float]:
+    """Of each of LEAST, how much of its place it takes.
 
-    shares: (192, 192, 13), what `parse` says. landmarks: (478, 2), on its grid, pixels. Glasses:
-    their frames, of the face's oval; tinted glasses: their lenses, of the eyes.
+    shares: (192, 192, 13), what `parse` says of a crop of `size` pixels a side. landmarks:
+    (478, 2), pixels of that crop. Glasses, a hand or cloth: the sum over the face's oval, of
+    its area; tinted glasses: over the eyes; a beard: below the nose; hair: above the brows, both
+    within the oval; a hat: cloth above the eyes, of the oval's area.
     """
+    landmarks = landmarks * (SIZE / size)
     drawn = dict(zip(CONTOURS, contours(landmarks, SIZE), strict=True))
-    places = {"glasses": drawn[(FACE_OVAL,)], "tinted glasses": drawn[(RIGHT_EYE, LEFT_EYE)]}
+    oval, eyes = drawn[(FACE_OVAL,)], drawn[(RIGHT_EYE, LEFT_EYE)]
+    up = upwards(landmarks)
+    height = np.tensordot(up, np.indices((SIZE, SIZE))[::-1] + 0.5, axes=1)
+
+    def above(*points: int) -> np.ndarray:
+        return height > (landmarks[list(points)] @ up).mean()
+
+    def share(names: str, where: np.ndarray, area: float | None = None) -> float:
+        classes = [CLASSES.index(name) for name in names.split(" or ")]
+        total = float((shares[..., classes].sum(axis=-1) * where).sum())
+        return total / max(float(where.sum()) if area is None else area, 1.0)
+
     return {
-        name: float((shares[..., CLASSES.index(TOLD_BY[name])] * where).sum())
-        / max(float(where.sum()), 1.0)
-        for name, where in places.items()
+        "glasses": share("frame", oval),
+        "tinted glasses": share("tinted lens", eyes),
+        "beard": share("beard", oval * ~above(NOSE_BASE)),
+        "hair": share("hair", oval * above(*RIGHT_EYEBROW, *LEFT_EYEBROW)),
+        "hat": share("cloth", above(*RIGHT_EYE, *LEFT_EYE), float(oval.sum())),
+        "hand or cloth": share("hand or cloth", oval),
     }
 
 
-def worn(shares: np.ndarray, landmarks: np.ndarray, size: int) -> list[str]:
-    """Which of LEAST the face wears.
-
-    shares: (192, 192, 13), what `parse` says of a crop of `size` pixels a side. landmarks:
-    (478, 2), pixels of that crop.
-    """
-    found = covers(shares, landmarks * (len(shares) / size))
-    return [name for name, share in found.items() if share >= LEAST[name]]
+def worn(shares: np.ndarray, landmarks: np.ndarray, size: int) -> dict[str, float]:
+    """Those of `covers` that are there; arguments and values are its."""
+    found = covers(shares, landmarks, size)
+    return {name: share for name, share in found.items() if share >= LEAST[name]}

@@ -1,4 +1,4 @@
-"""What the regions are told by: contours, the face's size and upright, colours, dark lines."""
+"""What the regions are told by: contours, the face's size and upright, colours."""
 
 from __future__ import annotations
 
@@ -77,12 +77,6 @@ def smoothstep(values: np.ndarray | float, low: float, high: float) -> np.ndarra
     """0 below `low`, 1 above `high`, smooth between."""
     t = np.clip((np.asarray(values) - low) / (high - low), 0, 1)
     return t * t * (3 - 2 * t)
-
-
-def dark_lines(log_luminance: np.ndarray, size: float) -> np.ndarray:
-    """Depth (S, S), in log units, of dark structures narrower than 5 % of the face's size."""
-    log_luminance = log_luminance.astype(np.float32)
-    return cv2.morphologyEx(log_luminance, cv2.MORPH_CLOSE, disk(0.025 * size)) - log_luminance
 
 
 def log_luminance(image: np.ndarray) -> np.ndarray:

@@ -1,8 +1,8 @@
 """Regions of the face as soft masks: skin, lips, eyes, eyebrows, mouth interior, everything else.
 
-Lips, eyes, eyebrows and the mouth are the landmarks' contours; skin is what `skin.py` leaves
-of the rest of the face, without glasses (`glasses.py`, and what the network of `parser.py` sees of
-them). Section 3.1 of the paper takes such a segmentation from a face parser.
+What shows a face, and not hair, glass, cloth or a hand, is the parser's word (`parser.py`; paper,
+section 3.1). Within it lips, eyes, eyebrows and the mouth are the landmarks' contours, which are
+sharper than the parser.
 """
 
 from __future__ import annotations
@@ -12,20 +12,34 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..color import luminance
 from ..errors import FaceError
-from .covers import TOLD_BY, worn
-from .glasses import glasses_frames
-from .measures import coverage, face_size, feather, smooth_contour, smoothstep
+from .covers import worn
+from .measures import (
+    coverage,
+    disk,
+    face_size,
+    feather,
+    filled,
+    smooth_contour,
+    smoothstep,
+    upwards,
+)
 from .mouth import mouth_opening, relative_gap
+from .own_colours import by_own_colours
 from .parser import CLASSES, parse
-from .skin import visible_face
 from .topology import (
+    CHIN,
+    FACE_OVAL,
+    HAIRLINE,
     LEFT_EYE,
+    LEFT_EYE_OUTER,
     LEFT_EYEBROW,
     LEFT_LID_GAP,
     LIPS_INNER,
     LIPS_OUTER,
     RIGHT_EYE,
+    RIGHT_EYE_OUTER,
     RIGHT_EYEBROW,
     RIGHT_LID_GAP,
 )
@@ -38,7 +52,21 @@ REGIONS = ("skin", "lips", "eyes", "eyebrows")
 # laughing eyes have apertures from 0.23 and scores to 0.29.
 _APERTURE = (0.08, 0.14)
 _BLINK = (0.65, 0.85)
-_GLASSES = (0.2, 0.6)  # share from which the parser's glasses count, and count wholly
+_FEATURE_NAMES = ("lips", "eyes", "eyebrows", "mouth")
+_FEATURES = (RIGHT_EYE, LEFT_EYE, RIGHT_EYEBROW, LEFT_EYEBROW, LIPS_OUTER)
+_NEAR_FEATURES = 0.05  # of the face's size
+_SPECK = 0.03  # width, of the face's size, of islands and holes that are none
+# What counts as black, of the face's brightness, and as a large part of it, of its size.
+_DARK = 0.02
+_DARK_WIDTH = 0.12
+_NOISE = 0.01  # standard deviation of the blur against the camera's noise, of the face's size
+# Share of the oval from which on a half of the face is without light; height of a forehead above
+# the oval, of that of the face.
+_DARK_HALF = 0.1
+_FOREHEAD = 0.3
+#: Classes of what covers the skin, and the share from which they count, and count wholly.
+_COVERING = {"glasses": ("frame",), "tinted glasses": ("tinted lens", "eyes"), "beard": ("beard",)}
+_SHARE_OF_COVER = (0.2, 0.6)
 _FEATHER = 1 / 300  # standard deviation over the face's size: 1 pixel at 512
 
 
@@ -47,9 +75,9 @@ class Regions:
     """Soft masks of one crop.
 
     weights: (S, S, 6) float32 in [0, 1], in the order skin, lips, eyes, eyebrows, mouth,
-        background; they sum to 1 at every pixel. Skin includes a short beard and eyelids; ears,
-        neck, hair and glasses are background; eyes are the visible eyeballs; mouth is teeth,
-        tongue and the dark between open lips.
+        background; they sum to 1 at every pixel. Skin is that of face, ears, neck and a bald scalp,
+        with eyelids and stubble; hair, a beard, glasses, clothes and hands are background; eyes
+        are the visible eyeballs; mouth is teeth, tongue and the dark between open lips.
     shares: (192, 192, 13) float32 in [0, 1], of each of `parser.CLASSES`, on a coarser grid over
         the same crop; None where no parser was asked.
     """
@@ -116,8 +144,10 @@ def segment(
         return feather(coverage(smooth_contour(landmarks[list(indices)]), resolution), sigma)
 
     shares = parse(image, landmarks, inside)
-    visible = visible_face(image, landmarks) * inside
-    visible *= 1 - np.maximum(glasses_frames(image, landmarks), _glasses(shares, landmarks, image))
+    found = set(worn(shares, landmarks, resolution))
+    visible = _visible_face(image, shares, landmarks, found) * inside
+    visible *= 1 - _covered(shares, found, resolution)
+    visible = _without_specks(visible, _SPECK * face_size(landmarks))
     mouth = mask(LIPS_INNER) * mouth_opening(image, landmarks)
     lips = mask(LIPS_OUTER)
     right_open = _eye_opening(landmarks, RIGHT_EYE, RIGHT_LID_GAP, blendshapes["eyeBlinkRight"])
@@ -135,14 +165,97 @@ def segment(
     return Regions(weights, shares)
 
 
-def _glasses(shares: np.ndarray, landmarks: np.ndarray, image: np.ndarray) -> np.ndarray:
-    """(S, S) float32 in [0, 1]: frames, and tinted lenses with the eyes that they let through."""
-    classes = [TOLD_BY[name] for name in worn(shares, landmarks, len(image))]
-    if "tinted lens" in classes:
-        classes.append("eyes")
-    total = shares[..., [CLASSES.index(name) for name in classes]].sum(axis=-1)
-    enlarged = cv2.resize(total, image.shape[:2], interpolation=cv2.INTER_CUBIC)
-    return smoothstep(enlarged, *_GLASSES)
+def _visible_face(
+    image: np.ndarray, shares: np.ndarray, landmarks: np.ndarray, found: set[str]
+) -> np.ndarray:
+    """(S, S) float32 in [0, 1]: the share of the face, features and all.
+
+    What the parser says, enlarged; away from the features, which have colours of their own, skin
+    and hair are told by theirs, too. Where a half of the face gets no light, nothing tells it from
+    black hair or a black wall: within the landmarks' oval it is taken for skin, as its darkness
+    says where the light is not. What looks in places like a beard or a hat, and is none on the
+    whole (not in `found`, names of `covers`), is skin, or skin and hair.
+    """
+    resolution = len(image)
+
+    def share(*names: str) -> np.ndarray:
+        some = shares[..., [CLASSES.index(name) for name in names]].sum(axis=-1)
+        some = cv2.resize(some, (resolution, resolution), interpolation=cv2.INTER_CUBIC)
+        return np.clip(some, 0, 1)
+
+    skin, hair = share("skin"), share("hair")
+    size = face_size(landmarks)
+    features = filled(landmarks, resolution, *_FEATURES).astype(np.float32)
+    near = feather(cv2.dilate(features, disk(_NEAR_FEATURES * size)), _NEAR_FEATURES / 2 * size)
+    of_skin = by_own_colours(image, skin, hair)
+    told = near * skin + (1 - near) * of_skin * (skin + hair)
+    if "hat" not in found:
+        stray = share("cloth") * _above_eyes(landmarks, resolution)
+        told += stray * (near + (1 - near) * of_skin)
+    if "beard" not in found:
+        told += share("beard")
+    dark = _dark_part(image, landmarks)
+    return np.clip(told + share(*_FEATURE_NAMES) + dark * share("background", "hair"), 0, 1)
+
+
+def _without_specks(visible: np.ndarray, width: float) -> np.ndarray:
+    """`visible` (S, S) without islands of less than width^2 pixels, and with such holes filled."""
+    result = visible.copy()
+    for inside, value in ((visible > 0.5, 0), (visible <= 0.5, 1)):
+        # Part 0 is what is not `inside`.
+        _, parts, facts, _ = cv2.connectedComponentsWithStats(inside.astype(np.uint8))
+        small = np.flatnonzero(facts[:, cv2.CC_STAT_AREA] < width**2)
+        result[np.isin(parts, small[small > 0])] = value
+    return result
+
+
+def _covered(shares: np.ndarray, found: set[str], resolution: int) -> np.ndarray:
+    """(S, S) float32 in [0, 1]: a beard, frames, tinted lenses with the eyes that they let through.
+
+    A frame is thinner than a pixel of the parser, and a beard not as dense as it is whole: where
+    there is one, a small share of it is one.
+    """
+    classes = {CLASSES.index(part) for name in found for part in _COVERING.get(name, ())}
+    total = shares[..., sorted(classes)].sum(axis=-1)
+    enlarged = cv2.resize(total, (resolution, resolution), interpolation=cv2.INTER_CUBIC)
+    return smoothstep(enlarged, *_SHARE_OF_COVER)
+
+
+def _above_eyes(landmarks: np.ndarray, resolution: int) -> np.ndarray:
+    """(S, S) bool"""
+    up = upwards(landmarks)
+    height = np.tensordot(up, np.indices((resolution, resolution))[::-1] + 0.5, axes=1)
+    return height > (landmarks[[*RIGHT_EYE, *LEFT_EYE]] @ up).mean()
+
+
+def _dark_part(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
+    """(S, S) float32: 1 in large parts of the face that are all but black, soft at 1 pixel.
+
+    What is narrow, as the gaps between strands of hair, is none. Where much of the landmarks' oval
+    is black, what hangs together with it on the forehead above the oval is, too.
+    """
+    size = face_size(landmarks)
+    oval = filled(landmarks, len(image), FACE_OVAL)
+    seen = feather(luminance(np.maximum(image, 0)), _NOISE * size)
+    dark = (seen < _DARK * np.percentile(seen[oval], 90)).astype(np.uint8)
+    large = cv2.morphologyEx(dark, cv2.MORPH_OPEN, disk(_DARK_WIDTH / 2 * size)) > 0
+    if (large & oval).sum() > _DARK_HALF * oval.sum():
+        forehead = coverage(_raised(landmarks), len(image)) > 0.5
+        _, parts = cv2.connectedComponents((large & (oval | forehead)).astype(np.uint8))
+        large = np.isin(parts, np.setdiff1d(parts[large & oval], 0))
+    else:
+        large &= oval
+    return feather(large.astype(np.float32), _FEATHER * size)
+
+
+def _raised(landmarks: np.ndarray) -> np.ndarray:
+    """The face's oval with its upper arc raised to where hairlines may lie, a contour (N, 2)."""
+    oval = landmarks[list(FACE_OVAL)]
+    up = landmarks[HAIRLINE] - landmarks[CHIN]
+    eyes = (landmarks[RIGHT_EYE_OUTER] + landmarks[LEFT_EYE_OUTER]) / 2
+    # 0 at the level of the eyes, 1 at the top: the temples are raised less than the middle.
+    level = np.clip((oval - eyes) @ up, 0, None)
+    return smooth_contour(oval + _FOREHEAD * level[:, None] / max(level.max(), 1e-6) * up)
 
 
 def _eye_opening(

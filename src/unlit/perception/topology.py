@@ -24,14 +24,8 @@ LEFT_EYE = (263, 466, 388, 387, 386, 385, 384, 398, 362, 382, 381, 380, 374, 373
 # Upper edge from the temple to the nose, lower edge back.
 RIGHT_EYEBROW = (70, 63, 105, 66, 107, 55, 65, 52, 53, 46)
 LEFT_EYEBROW = (300, 293, 334, 296, 336, 285, 295, 282, 283, 276)
-# Bare skin on nearly every photo: between beard and glasses, inside any fringe.
-RIGHT_CHEEK = (117, 118, 119, 100, 142, 203, 206, 216, 207, 205, 50)
-LEFT_CHEEK = (346, 347, 348, 329, 371, 423, 426, 436, 427, 425, 280)
 # Middle of the hairline and of the chin, and where the nose meets the upper lip.
 HAIRLINE, CHIN, NOSE_BASE = 10, 152, 2
-NOSE_RIDGE = (197, 419, 456, 420, 360, 275, 4, 45, 131, 198, 236, 196)
-# Down the bridge of the nose between the eyes, and down either side of it.
-BRIDGE_LINES = ((9, 8, 168, 6, 197, 195), (55, 193, 122, 196), (285, 417, 351, 419))
 # Of the 68 points of Multi-PIE (iBUG), those that are landmarks, too: corners of the eyes, nose,
 # lips, chin.
 MULTI_PIE_LANDMARKS = {

@@ -8,10 +8,8 @@ import pytest
 from drawn_face import HIGH, WIDE, drawn_landmarks
 from unlit.perception.measures import (
     colours,
-    dark_lines,
     disk,
     face_size,
-    log_luminance,
     smoothstep,
     upwards,
 )
@@ -30,17 +28,6 @@ def test_size_and_upright_follow_the_face() -> None:
 def test_smoothstep_is_flat_outside_and_rises_inside() -> None:
     """0 and 1 at the limits and beyond, a half in the middle."""
     np.testing.assert_allclose(smoothstep(np.array([0, 2, 3, 4, 9.0]), 2, 4), (0, 0, 0.5, 1, 1))
-
-
-def test_only_narrow_dark_structures_are_lines() -> None:
-    """A line a tenth as bright is log 10 deep; a band wider than 5 % of the face is none."""
-    image = np.full((200, 200, 3), 0.5, np.float32)
-    image[:, 50:53] = 0.05
-    image[:, 120:160] = 0.05
-    lines = dark_lines(log_luminance(image), 200)
-    depth = np.log(0.504 / 0.054)  # the floor under the logarithm is 0.004
-    np.testing.assert_allclose(lines[100, 50:53], depth, rtol=1e-3)
-    assert np.abs(lines[20:-20, 130:150]).max() < 1e-6 and np.abs(lines[:, 60:110]).max() < 1e-6
 
 
 def test_light_changes_the_last_colour_only() -> None:
