@@ -23,7 +23,6 @@ from .measures import (
     filled,
     smooth_contour,
     smoothstep,
-    upwards,
 )
 from .mouth import mouth_opening, relative_gap
 from .own_colours import by_own_colours
@@ -55,7 +54,6 @@ _BLINK = (0.65, 0.85)
 _FEATURE_NAMES = ("lips", "eyes", "eyebrows", "mouth")
 _FEATURES = (RIGHT_EYE, LEFT_EYE, RIGHT_EYEBROW, LEFT_EYEBROW, LIPS_OUTER)
 _NEAR_FEATURES = 0.05  # of the face's size
-_SPECK = 0.03  # width, of the face's size, of islands and holes that are none
 # What counts as black, of the face's brightness, and as a large part of it, of its size.
 _DARK = 0.02
 _DARK_WIDTH = 0.12
@@ -145,9 +143,8 @@ def segment(
 
     shares = parse(image, landmarks, inside)
     found = set(worn(shares, landmarks, resolution))
-    visible = _visible_face(image, shares, landmarks, found) * inside
+    visible = _visible_face(image, shares, landmarks) * inside
     visible *= 1 - _covered(shares, found, resolution)
-    visible = _without_specks(visible, _SPECK * face_size(landmarks))
     mouth = mask(LIPS_INNER) * mouth_opening(image, landmarks)
     lips = mask(LIPS_OUTER)
     right_open = _eye_opening(landmarks, RIGHT_EYE, RIGHT_LID_GAP, blendshapes["eyeBlinkRight"])
@@ -165,16 +162,13 @@ def segment(
     return Regions(weights, shares)
 
 
-def _visible_face(
-    image: np.ndarray, shares: np.ndarray, landmarks: np.ndarray, found: set[str]
-) -> np.ndarray:
+def _visible_face(image: np.ndarray, shares: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
     """(S, S) float32 in [0, 1]: the share of the face, features and all.
 
     What the parser says, enlarged; away from the features, which have colours of their own, skin
     and hair are told by theirs, too. Where a half of the face gets no light, nothing tells it from
     black hair or a black wall: within the landmarks' oval it is taken for skin, as its darkness
-    says where the light is not. What looks in places like a beard or a hat, and is none on the
-    whole (not in `found`, names of `covers`), is skin, or skin and hair.
+    says where the light is not.
     """
     resolution = len(image)
 
@@ -187,26 +181,9 @@ def _visible_face(
     size = face_size(landmarks)
     features = filled(landmarks, resolution, *_FEATURES).astype(np.float32)
     near = feather(cv2.dilate(features, disk(_NEAR_FEATURES * size)), _NEAR_FEATURES / 2 * size)
-    of_skin = by_own_colours(image, skin, hair)
-    told = near * skin + (1 - near) * of_skin * (skin + hair)
-    if "hat" not in found:
-        stray = share("cloth") * _above_eyes(landmarks, resolution)
-        told += stray * (near + (1 - near) * of_skin)
-    if "beard" not in found:
-        told += share("beard")
+    told = near * skin + (1 - near) * by_own_colours(image, skin, hair) * (skin + hair)
     dark = _dark_part(image, landmarks)
     return np.clip(told + share(*_FEATURE_NAMES) + dark * share("background", "hair"), 0, 1)
-
-
-def _without_specks(visible: np.ndarray, width: float) -> np.ndarray:
-    """`visible` (S, S) without islands of less than width^2 pixels, and with such holes filled."""
-    result = visible.copy()
-    for inside, value in ((visible > 0.5, 0), (visible <= 0.5, 1)):
-        # Part 0 is what is not `inside`.
-        _, parts, facts, _ = cv2.connectedComponentsWithStats(inside.astype(np.uint8))
-        small = np.flatnonzero(facts[:, cv2.CC_STAT_AREA] < width**2)
-        result[np.isin(parts, small[small > 0])] = value
-    return result
 
 
 def _covered(shares: np.ndarray, found: set[str], resolution: int) -> np.ndarray:
@@ -219,13 +196,6 @@ def _covered(shares: np.ndarray, found: set[str], resolution: int) -> np.ndarray
     total = shares[..., sorted(classes)].sum(axis=-1)
     enlarged = cv2.resize(total, (resolution, resolution), interpolation=cv2.INTER_CUBIC)
     return smoothstep(enlarged, *_SHARE_OF_COVER)
-
-
-def _above_eyes(landmarks: np.ndarray, resolution: int) -> np.ndarray:
-    """(S, S) bool"""
-    up = upwards(landmarks)
-    height = np.tensordot(up, np.indices((resolution, resolution))[::-1] + 0.5, axes=1)
-    return height > (landmarks[[*RIGHT_EYE, *LEFT_EYE]] @ up).mean()
 
 
 def _dark_part(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:

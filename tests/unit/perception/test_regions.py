@@ -15,7 +15,7 @@ from unlit.color import decode_srgb
 from unlit.errors import FaceError
 from unlit.perception import regions as regions_module
 from unlit.perception.landmarks import find_faces
-from unlit.perception.measures import coverage, face_size, smooth_contour
+from unlit.perception.measures import coverage, smooth_contour
 from unlit.perception.parser import CLASSES, SIZE
 from unlit.perception.regions import Regions, segment
 from unlit.perception.topology import FACE_OVAL, LEFT_EYE, LIPS_INNER, LIPS_OUTER, RIGHT_EYE
@@ -111,15 +111,6 @@ def test_hair_and_surroundings_are_no_skin(regions: Regions) -> None:
     assert regions.skin[495:].max() < 0.2  # the suit
     assert regions.skin[250:310, 150:200].min() > 0.95  # cheek
     assert regions.skin[440:460, 270:330].min() > 0.8  # neck
-
-
-def test_no_specks(astronaut: Subject, regions: Regions) -> None:
-    """Neither islands nor holes a few pixels wide; a smile's hole is larger."""
-    visible = 1 - regions.background
-    least = (0.03 * face_size(astronaut.landmarks)) ** 2
-    for part in (visible > 0.5, visible <= 0.5):
-        _, _, facts, _ = cv2.connectedComponentsWithStats(part.astype(np.uint8))
-        assert facts[:, cv2.CC_STAT_AREA].min() >= least
 
 
 def test_smile_shows_teeth(astronaut: Subject, regions: Regions) -> None:
@@ -251,18 +242,16 @@ def test_mouths_of_real_photos(shared: Path, name: str, mouth_open: bool) -> Non
 
 
 @pytest.mark.parametrize(
-    ("name", "rows", "is_skin"),
+    ("name", "rows"),
     [
-        ("beard", slice(118, 122), True),
-        ("beard", slice(110, 192), False),
-        ("cloth", slice(48, 52), True),
-        ("cloth", slice(40, 70), False),
+        ("beard", slice(110, 192)),
+        ("cloth", slice(40, 70)),
     ],
 )
-def test_only_what_is_there_on_the_whole_covers(
-    astronaut: Subject, monkeypatch: pytest.MonkeyPatch, name: str, rows: slice, is_skin: bool
+def test_what_covers_is_no_skin(
+    astronaut: Subject, monkeypatch: pytest.MonkeyPatch, name: str, rows: slice
 ) -> None:
-    """A narrow strip of beard below the nose or of cloth on the forehead is skin; much is not."""
+    """A beard below the nose, cloth over the forehead."""
     shares = np.zeros((SIZE, SIZE, len(CLASSES)), np.float32)
     shares[:30, :, CLASSES.index("hair")] = 1
     shares[30:, :, CLASSES.index("skin")] = 1
@@ -270,7 +259,7 @@ def test_only_what_is_there_on_the_whole_covers(
     monkeypatch.setattr(regions_module, "parse", lambda *_: shares)
     middle = (rows.start + rows.stop) // 2 * 512 // SIZE
     where = np.s_[middle - 2 : middle + 2, 230:280]
-    if name == "beard" and not is_skin:
+    if name == "beard":
         where = np.s_[420:440, 230:280]
     found = astronaut.regions().skin[where].mean()
-    assert found > 0.5 if is_skin else found < 0.1
+    assert found < 0.1
