@@ -273,8 +273,9 @@ def main() -> None:
         f"{len(heads.files())} heads, {sum(p.numel() for p in model.parameters())} weights",
         flush=True,
     )
-    if options.start:
-        model.load_state_dict(torch.load(options.start, weights_only=True))
+    began_with = torch.load(options.start, weights_only=True) if options.start else {}
+    if began_with:
+        model.load_state_dict(began_with)
     tests = zip(*itertools.islice(Heads(options.heads, 1, test=True), 96), strict=True)
     test_in, test_out = (torch.from_numpy(np.stack(x)) for x in tests)
     loader = torch.utils.data.DataLoader(
@@ -306,12 +307,11 @@ def main() -> None:
             total = []
             torch.save(model.state_dict(), options.output.with_suffix(".pt"))
     model.eval()
-    if options.start:
-        # What was learnt last is not to push out what was known.
-        began_with = torch.load(options.start, weights_only=True)
-        for name, weights in model.state_dict().items():
-            if weights.is_floating_point():
-                weights.lerp_(began_with[name], options.keep)
+    # What was learnt last is not to push out what was known.
+    learnt = model.state_dict()
+    for name, known in began_with.items():
+        if known.is_floating_point():
+            learnt[name].lerp_(known, options.keep)
     torch.save(model.state_dict(), options.output.with_suffix(".pt"))
     torch.onnx.export(
         model,

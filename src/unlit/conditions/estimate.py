@@ -10,7 +10,7 @@ from ..face.conditions import Conditions
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
 from ..optimize.observation import observation
-from ..perception.measures import upwards
+from ..perception.measures import heights, upwards
 from ..perception.topology import NOSE_BASE
 from ..photo.photo import Photo
 from ..settings.settings import Settings
@@ -50,6 +50,4 @@ def _light_color(
 def _above_nose(photo: FacePhoto) -> np.ndarray:
     """(S, S) bool: what lies above the base of the nose."""
     landmarks = photo.landmarks[:, :2]
-    up = upwards(landmarks)
-    pixels = np.indices(photo.image.shape[:2])[::-1] + 0.5
-    return np.tensordot(up, pixels, axes=1) > up @ landmarks[NOSE_BASE]
+    return heights(landmarks, len(photo.image)) > upwards(landmarks) @ landmarks[NOSE_BASE]

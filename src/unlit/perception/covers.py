@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .measures import upwards
+from .measures import heights, upwards
 from .parser import CLASSES, CONTOURS, SIZE, contours
 from .topology import FACE_OVAL, LEFT_EYE, LEFT_EYEBROW, NOSE_BASE, RIGHT_EYE, RIGHT_EYEBROW
 
@@ -32,24 +32,23 @@ def covers(shares: np.ndarray, landmarks: np.ndarray, size: int) -> dict[str, fl
     landmarks = landmarks * (SIZE / size)
     drawn = dict(zip(CONTOURS, contours(landmarks, SIZE), strict=True))
     oval, eyes = drawn[(FACE_OVAL,)], drawn[(RIGHT_EYE, LEFT_EYE)]
-    up = upwards(landmarks)
-    height = np.tensordot(up, np.indices((SIZE, SIZE))[::-1] + 0.5, axes=1)
+    up, height = upwards(landmarks), heights(landmarks, SIZE)
 
     def above(*points: int) -> np.ndarray:
         return height > (landmarks[list(points)] @ up).mean()
 
-    def share(names: str, where: np.ndarray, area: float | None = None) -> float:
-        classes = [CLASSES.index(name) for name in names.split(" or ")]
+    def share(where: np.ndarray, *names: str, area: float | None = None) -> float:
+        classes = [CLASSES.index(name) for name in names]
         total = float((shares[..., classes].sum(axis=-1) * where).sum())
         return total / max(float(where.sum()) if area is None else area, 1.0)
 
     return {
-        "glasses": share("frame or clear lens", oval),
-        "tinted glasses": share("tinted lens", eyes),
-        "beard": share("beard", oval * ~above(NOSE_BASE)),
-        "hair": share("hair", oval * above(*RIGHT_EYEBROW, *LEFT_EYEBROW)),
-        "hat": share("cloth", above(*RIGHT_EYE, *LEFT_EYE), float(oval.sum())),
-        "hand or cloth": share("hand or cloth", oval),
+        "glasses": share(oval, "frame", "clear lens"),
+        "tinted glasses": share(eyes, "tinted lens"),
+        "beard": share(oval * ~above(NOSE_BASE), "beard"),
+        "hair": share(oval * above(*RIGHT_EYEBROW, *LEFT_EYEBROW), "hair"),
+        "hat": share(above(*RIGHT_EYE, *LEFT_EYE), "cloth", area=float(oval.sum())),
+        "hand or cloth": share(oval, "hand", "cloth"),
     }
 
 

@@ -67,21 +67,24 @@ def upwards(landmarks: np.ndarray) -> np.ndarray:
     return up / np.linalg.norm(up)
 
 
+def heights(landmarks: np.ndarray, resolution: int) -> np.ndarray:
+    """(S, S): how far up each pixel's centre lies, pixels, as `point @ upwards(landmarks)` does."""
+    return np.tensordot(
+        upwards(landmarks), np.indices((resolution, resolution))[::-1] + 0.5, axes=1
+    )
+
+
 def colours(image: np.ndarray) -> np.ndarray:
     """(S, S, 3) float32: log(R/G), log(B/G) and log-luminance of linear sRGB."""
     red, green, blue = np.moveaxis(np.log(np.maximum(image, 0) + _DARK), -1, 0)
-    return np.stack([red - green, blue - green, log_luminance(image)], axis=-1).astype(np.float32)
+    bright = np.log(np.maximum(luminance(image), 0) + _DARK)
+    return np.stack([red - green, blue - green, bright], axis=-1).astype(np.float32)
 
 
 def smoothstep(values: np.ndarray | float, low: float, high: float) -> np.ndarray:
     """0 below `low`, 1 above `high`, smooth between."""
     t = np.clip((np.asarray(values) - low) / (high - low), 0, 1)
     return t * t * (3 - 2 * t)
-
-
-def log_luminance(image: np.ndarray) -> np.ndarray:
-    """Natural logarithm (S, S) of the luminance of linear sRGB, with a floor against noise."""
-    return np.log(np.maximum(luminance(image), 0) + _DARK)
 
 
 def disk(radius: float) -> np.ndarray:

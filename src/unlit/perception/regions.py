@@ -7,6 +7,7 @@ sharper than the parser.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -142,9 +143,8 @@ def segment(
         return feather(coverage(smooth_contour(landmarks[list(indices)]), resolution), sigma)
 
     shares = parse(image, landmarks, inside)
-    found = set(worn(shares, landmarks, resolution))
     visible = _visible_face(image, shares, landmarks) * inside
-    visible *= 1 - _covered(shares, found, resolution)
+    visible *= 1 - _covered(shares, landmarks, resolution)
     mouth = mask(LIPS_INNER) * mouth_opening(image, landmarks)
     lips = mask(LIPS_OUTER)
     right_open = _eye_opening(landmarks, RIGHT_EYE, RIGHT_LID_GAP, blendshapes["eyeBlinkRight"])
@@ -173,29 +173,33 @@ def _visible_face(image: np.ndarray, shares: np.ndarray, landmarks: np.ndarray) 
     resolution = len(image)
 
     def share(*names: str) -> np.ndarray:
-        some = shares[..., [CLASSES.index(name) for name in names]].sum(axis=-1)
-        some = cv2.resize(some, (resolution, resolution), interpolation=cv2.INTER_CUBIC)
-        return np.clip(some, 0, 1)
+        return np.clip(_enlarged(shares, names, resolution), 0, 1)
 
     skin, hair = share("skin"), share("hair")
     size = face_size(landmarks)
-    features = filled(landmarks, resolution, *_FEATURES).astype(np.float32)
-    near = feather(cv2.dilate(features, disk(_NEAR_FEATURES * size)), _NEAR_FEATURES / 2 * size)
+    features = filled(landmarks, resolution, *_FEATURES).astype(np.uint8)
+    features = cv2.dilate(features, disk(_NEAR_FEATURES * size)).astype(np.float32)
+    near = feather(features, _NEAR_FEATURES / 2 * size)
     told = near * skin + (1 - near) * by_own_colours(image, skin, hair) * (skin + hair)
     dark = _dark_part(image, landmarks)
     return np.clip(told + share(*_FEATURE_NAMES) + dark * share("background", "hair"), 0, 1)
 
 
-def _covered(shares: np.ndarray, found: set[str], resolution: int) -> np.ndarray:
+def _covered(shares: np.ndarray, landmarks: np.ndarray, resolution: int) -> np.ndarray:
     """(S, S) float32 in [0, 1]: a beard, frames, tinted lenses with the eyes that they let through.
 
     A frame is thinner than a pixel of the parser, and a beard not as dense as it is whole: where
     there is one, a small share of it is one.
     """
-    classes = {CLASSES.index(part) for name in found for part in _COVERING.get(name, ())}
-    total = shares[..., sorted(classes)].sum(axis=-1)
-    enlarged = cv2.resize(total, (resolution, resolution), interpolation=cv2.INTER_CUBIC)
-    return smoothstep(enlarged, *_SHARE_OF_COVER)
+    found = worn(shares, landmarks, resolution)
+    names = [name for cover in found for name in _COVERING.get(cover, ())]
+    return smoothstep(_enlarged(shares, names, resolution), *_SHARE_OF_COVER)
+
+
+def _enlarged(shares: np.ndarray, names: Sequence[str], resolution: int) -> np.ndarray:
+    """(S, S) float32: the classes' shares together, at the crop's resolution."""
+    total = shares[..., [CLASSES.index(name) for name in names]].sum(axis=-1)
+    return cv2.resize(total, (resolution, resolution), interpolation=cv2.INTER_CUBIC)
 
 
 def _dark_part(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
