@@ -82,6 +82,7 @@ def observed(
         regions=regions,
         mask=mask,
         weight=mask.astype(np.float32),
+        fitted=mask,
         camera=camera,
         vertices=vertices,
         triangles=triangles,

@@ -28,6 +28,7 @@ from unlit.optimize.problem import Problem
 from unlit.optimize.run_record import RunRecord
 from unlit.output.arrays import write_arrays
 from unlit.perception.regions import Regions
+from unlit.perception.topology import FACE_OVAL
 from unlit.photo.crop import Crop
 from unlit.pipeline.chain import Preview, Steps, run_chain
 from unlit.pipeline.identity import identity_of
@@ -55,7 +56,7 @@ def settings(**changes: object) -> Settings:
 
 
 def photo(seed: int = 1) -> FacePhoto:
-    """A head lit from the upper left, noise for skin, five of its vertices as landmarks."""
+    """A head lit from the upper left, noise for skin."""
     rng = np.random.default_rng(seed)
     ys, xs = (np.mgrid[0:SIZE, 0:SIZE] + 0.5) / SIZE
     colour = np.array([0.5, 0.35, 0.3]) * (1.1 - 0.5 * xs - 0.3 * ys)[..., None]
@@ -65,7 +66,11 @@ def photo(seed: int = 1) -> FacePhoto:
     weights[..., 1] = weights[..., 0] * (ys > 0.65)
     weights[..., 0] -= weights[..., 1]
     weights[..., 5] = 1 - weights[..., :4].sum(axis=-1)
-    landmarks = np.pad(head().landmarks.astype(np.float64), ((0, 0), (0, 1)))
+    # A round face about the crop's centre, its hairline at angle 0.
+    landmarks = np.full((478, 3), SIZE / 2)
+    angle = np.linspace(0, 2 * np.pi, len(FACE_OVAL), endpoint=False)
+    around = np.stack([np.sin(angle), -np.cos(angle), 0 * angle], axis=1)
+    landmarks[list(FACE_OVAL)] += 0.4 * SIZE * around
     crop = Crop(np.eye(2, 3), SIZE)
     return FacePhoto("tiny.png", image, camera(SIZE), crop, Regions(weights), landmarks)
 
@@ -113,9 +118,11 @@ def record() -> RunRecord:
     return RunRecord(lambda *_: None)
 
 
-def problem(chosen: Settings | None = None, report: RunRecord | None = None) -> Problem:
-    """What the stages get."""
-    seen = observation(photo(), head(), Conditions())
+def problem(
+    chosen: Settings | None = None, report: RunRecord | None = None, **changes: np.ndarray
+) -> Problem:
+    """What the stages get; changes: fields of the observation that differ."""
+    seen = replace(observation(photo(), head(), Conditions()), **changes)
     return Problem(seen, chosen or settings(), AlbedoGain(), report or record())
 
 

@@ -91,6 +91,7 @@ def _reduced(observation: Observation) -> Observation:
         regions=small(observation.regions),
         mask=small(observation.mask) > 0.5,
         weight=small(observation.weight),
+        fitted=small(observation.fitted) > 0.5,
         camera=Camera(_SIZE, _SIZE, camera.focal * scale, camera.cx * scale, camera.cy * scale),
         landmarks=observation.landmarks * scale,
     )

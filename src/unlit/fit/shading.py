@@ -24,6 +24,7 @@ import numpy as np
 from scipy import ndimage
 
 from ..machine.runtime import mitsuba
+from ..perception.measures import face_area
 from ..perception.regions import Regions
 from ..render.transport import Quadrature, ShadingPoints, linearize, transport_rows, visibility
 from ..scene.arrays import device
@@ -89,6 +90,8 @@ class ShadingProblem:
         reach = 2 * max(1, round(settings.margin * self.pixel)) + 1
         bare = regions.skin + regions.lips > 0.5
         bare &= smooth.max(axis=2) < _BRIGHTEST
+        # Ears and neck are not held by landmarks: their shading would bend the light.
+        bare &= face_area(problem.landmarks[:, :2], len(image))
         # A square's minimum, which unlike `binary_erosion` is taken axis by axis.
         self.bare: Any = ndimage.minimum_filter(bare, reach, mode="constant")
         self.lips = regions.lips

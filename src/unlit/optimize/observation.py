@@ -9,6 +9,7 @@ import numpy as np
 from ..face.conditions import Conditions
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
+from ..perception.measures import face_area
 from ..scene.camera import Camera
 from ..scene.surface_points import SurfacePoints
 
@@ -19,15 +20,18 @@ class Observation:
 
     image: (H, W, 3) float32 linear sRGB, as under white light. regions: (H, W, 4) soft masks in
     [0, 1] of skin, lips, eyes, eyebrows. mask: (H, W) bool, the pixels that get maps. weight:
-    (H, W) in [0, 1], how far the photo counts there. camera: H x W pixels. vertices: (V, 3) float32
-    fitted mesh, world frame, cm; triangles: (F, 3) int32. landmarks: (L, 2) detected points, pixels
-    of the image; landmark_points: the same points on the mesh.
+    (H, W) in [0, 1], how far the photo counts there. fitted: (H, W) bool, where landmarks hold the
+    fitted head: of ears and neck neither place nor shape is as well known, so that light and gain
+    are not judged there. camera: H x W pixels. vertices: (V, 3) float32 fitted mesh, world frame,
+    cm; triangles: (F, 3) int32. landmarks: (L, 2) detected points, pixels of the image;
+    landmark_points: the same points on the mesh.
     """
 
     image: np.ndarray
     regions: np.ndarray
     mask: np.ndarray
     weight: np.ndarray
+    fitted: np.ndarray
     camera: Camera
     vertices: np.ndarray
     triangles: np.ndarray
@@ -43,6 +47,7 @@ def observation(photo: FacePhoto, head: FittedHead, conditions: Conditions) -> O
         regions=photo.regions.weights[..., :4],
         mask=face > 0.5,
         weight=face if visibility is None else face * visibility,
+        fitted=face_area(photo.landmarks[:, :2], len(face)),
         camera=photo.camera,
         vertices=head.mesh.vertices,
         triangles=head.mesh.triangles,

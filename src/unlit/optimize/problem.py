@@ -54,6 +54,10 @@ class Problem:
         #: (H, W) bool, where these pixels are.
         self.inside = np.zeros(observation.mask.shape, dtype=bool)
         self.inside.ravel()[self.pixel] = True
+        #: Those of them where the head is fitted well; all where the photo does not count there.
+        self.fitted = self.inside & observation.fitted
+        if not observation.weight[self.fitted].any():
+            self.fitted = self.inside
         self.target = censored(self.color(encode_srgb(observation.image)))
         weight = observation.weight.ravel()[self.pixel].astype(np.float64)
         if not weight.sum() > 0:

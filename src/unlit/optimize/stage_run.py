@@ -243,7 +243,8 @@ def with_unit_light(problem: Problem, estimate: Estimate, shading: Shading) -> E
     radiance = CellRadiance(shading.cells).of(estimate.light())
     shading.update(radiance, problem.maps(estimate))
     e, _ = shading.shade(radiance)
-    return estimate.with_gain(brightest(e))
+    fitted = np.flatnonzero(problem.fitted.ravel()[problem.pixel])
+    return estimate.with_gain(brightest(dr.gather(type(e), e, device(mi.UInt32, fitted))))
 
 
 def brightest(e: Any) -> float:

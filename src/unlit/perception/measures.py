@@ -6,11 +6,12 @@ import cv2
 import numpy as np
 
 from ..color import luminance
-from .topology import CHIN, FACE_OVAL, HAIRLINE
+from .topology import CHIN, FACE_OVAL, HAIRLINE, LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 
 _SUPERSAMPLING = 4
 _STEPS = 6  # points per landmark on the smoothed contour
 _FRACTION_BITS = 6
+_FOREHEAD = 0.3  # height of a forehead above the oval, of that of the face
 _DARK = 0.004  # linear floor under the logarithms, against noise
 
 
@@ -47,6 +48,20 @@ def filled(landmarks: np.ndarray, resolution: int, *contours: tuple[int, ...]) -
     """(S, S) bool: inside any smooth contour through some of the landmarks (478, 2), pixels."""
     smooth = (smooth_contour(landmarks[list(contour)]) for contour in contours)
     return np.any([coverage(contour, resolution) > 0.5 for contour in smooth], axis=0)
+
+
+def face_area(landmarks: np.ndarray, resolution: int) -> np.ndarray:
+    """(S, S) bool: the face's oval with its upper arc raised to where hairlines may lie.
+
+    landmarks: (478, 2), pixels.
+    """
+    oval = landmarks[list(FACE_OVAL)]
+    up = landmarks[HAIRLINE] - landmarks[CHIN]
+    eyes = (landmarks[RIGHT_EYE_OUTER] + landmarks[LEFT_EYE_OUTER]) / 2
+    # 0 at the level of the eyes, 1 at the top: the temples are raised less than the middle.
+    level = np.clip((oval - eyes) @ up, 0, None)
+    raised = oval + _FOREHEAD * level[:, None] / max(level.max(), 1e-6) * up
+    return coverage(smooth_contour(raised), resolution) > 0.5
 
 
 def feather(mask: np.ndarray, sigma: float) -> np.ndarray:

@@ -19,27 +19,26 @@ from .covers import worn
 from .measures import (
     coverage,
     disk,
+    face_area,
     face_size,
     feather,
     filled,
+    heights,
     smooth_contour,
     smoothstep,
+    upwards,
 )
 from .mouth import mouth_opening, relative_gap
 from .own_colours import by_own_colours
 from .parser import CLASSES, parse
 from .topology import (
-    CHIN,
     FACE_OVAL,
-    HAIRLINE,
     LEFT_EYE,
-    LEFT_EYE_OUTER,
     LEFT_EYEBROW,
     LEFT_LID_GAP,
     LIPS_INNER,
     LIPS_OUTER,
     RIGHT_EYE,
-    RIGHT_EYE_OUTER,
     RIGHT_EYEBROW,
     RIGHT_LID_GAP,
 )
@@ -55,14 +54,14 @@ _BLINK = (0.65, 0.85)
 _FEATURE_NAMES = ("lips", "eyes", "eyebrows", "mouth")
 _FEATURES = (RIGHT_EYE, LEFT_EYE, RIGHT_EYEBROW, LEFT_EYEBROW, LIPS_OUTER)
 _NEAR_FEATURES = 0.05  # of the face's size
-# What counts as black, of the face's brightness, and as a large part of it, of its size.
+# What counts as black, of the face's brightness; as a large part of it, and as the line beside
+# it, of its size.
 _DARK = 0.02
 _DARK_WIDTH = 0.12
+_DIM_EDGE = 0.02
 _NOISE = 0.01  # standard deviation of the blur against the camera's noise, of the face's size
-# Share of the oval from which on a half of the face is without light; height of a forehead above
-# the oval, of that of the face.
+# Share of the oval from which on a half of the face is without light.
 _DARK_HALF = 0.1
-_FOREHEAD = 0.3
 #: Classes of what covers the skin, and the share from which they count, and count wholly.
 _COVERING = {"glasses": ("frame",), "tinted glasses": ("tinted lens", "eyes"), "beard": ("beard",)}
 _SHARE_OF_COVER = (0.2, 0.6)
@@ -143,8 +142,9 @@ def segment(
         return feather(coverage(smooth_contour(landmarks[list(indices)]), resolution), sigma)
 
     shares = parse(image, landmarks, inside)
-    visible = _visible_face(image, shares, landmarks) * inside
-    visible *= 1 - _covered(shares, landmarks, resolution)
+    found = set(worn(shares, landmarks, resolution))
+    visible = _visible_face(image, shares, landmarks, found) * inside
+    visible *= 1 - _covered(shares, found, resolution)
     mouth = mask(LIPS_INNER) * mouth_opening(image, landmarks)
     lips = mask(LIPS_OUTER)
     right_open = _eye_opening(landmarks, RIGHT_EYE, RIGHT_LID_GAP, blendshapes["eyeBlinkRight"])
@@ -162,13 +162,16 @@ def segment(
     return Regions(weights, shares)
 
 
-def _visible_face(image: np.ndarray, shares: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
+def _visible_face(
+    image: np.ndarray, shares: np.ndarray, landmarks: np.ndarray, found: set[str]
+) -> np.ndarray:
     """(S, S) float32 in [0, 1]: the share of the face, features and all.
 
     What the parser says, enlarged; away from the features, which have colours of their own, skin
     and hair are told by theirs, too. Where a half of the face gets no light, nothing tells it from
     black hair or a black wall: within the landmarks' oval it is taken for skin, as its darkness
-    says where the light is not.
+    says where the light is not. What looks in places like a beard, or above the eyes like cloth,
+    where no beard and no hat was found (`found`, of `covers`), is skin, or skin and hair.
     """
     resolution = len(image)
 
@@ -180,18 +183,29 @@ def _visible_face(image: np.ndarray, shares: np.ndarray, landmarks: np.ndarray) 
     features = filled(landmarks, resolution, *_FEATURES).astype(np.uint8)
     features = cv2.dilate(features, disk(_NEAR_FEATURES * size)).astype(np.float32)
     near = feather(features, _NEAR_FEATURES / 2 * size)
-    told = near * skin + (1 - near) * by_own_colours(image, skin, hair) * (skin + hair)
+    of_skin = by_own_colours(image, skin, hair)
+    told = near * skin + (1 - near) * of_skin * (skin + hair)
+    if "hat" not in found:
+        eyes = (landmarks[[*RIGHT_EYE, *LEFT_EYE]] @ upwards(landmarks)).mean()
+        above = heights(landmarks, resolution) > eyes
+        told += share("cloth") * above * (near + (1 - near) * of_skin)
+    if "beard" not in found:
+        told += share("beard")
     dark = _dark_part(image, landmarks)
-    return np.clip(told + share(*_FEATURE_NAMES) + dark * share("background", "hair"), 0, 1)
+    face = np.clip(told + share(*_FEATURE_NAMES) + dark * share("background", "hair"), 0, 1)
+    if not dark.any():
+        return face
+    # Between the dark and the lit part lies a line that is dim, which the parser takes for hair.
+    edge = disk(_DIM_EDGE * size)
+    return face + cv2.dilate(dark, edge) * (cv2.morphologyEx(face, cv2.MORPH_CLOSE, edge) - face)
 
 
-def _covered(shares: np.ndarray, landmarks: np.ndarray, resolution: int) -> np.ndarray:
+def _covered(shares: np.ndarray, found: set[str], resolution: int) -> np.ndarray:
     """(S, S) float32 in [0, 1]: a beard, frames, tinted lenses with the eyes that they let through.
 
     A frame is thinner than a pixel of the parser, and a beard not as dense as it is whole: where
     there is one, a small share of it is one.
     """
-    found = worn(shares, landmarks, resolution)
     names = [name for cover in found for name in _COVERING.get(cover, ())]
     return smoothstep(_enlarged(shares, names, resolution), *_SHARE_OF_COVER)
 
@@ -214,22 +228,12 @@ def _dark_part(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
     dark = (seen < _DARK * np.percentile(seen[oval], 90)).astype(np.uint8)
     large = cv2.morphologyEx(dark, cv2.MORPH_OPEN, disk(_DARK_WIDTH / 2 * size)) > 0
     if (large & oval).sum() > _DARK_HALF * oval.sum():
-        forehead = coverage(_raised(landmarks), len(image)) > 0.5
+        forehead = face_area(landmarks, len(image))
         _, parts = cv2.connectedComponents((large & (oval | forehead)).astype(np.uint8))
         large = np.isin(parts, np.setdiff1d(parts[large & oval], 0))
     else:
         large &= oval
     return feather(large.astype(np.float32), _FEATHER * size)
-
-
-def _raised(landmarks: np.ndarray) -> np.ndarray:
-    """The face's oval with its upper arc raised to where hairlines may lie, a contour (N, 2)."""
-    oval = landmarks[list(FACE_OVAL)]
-    up = landmarks[HAIRLINE] - landmarks[CHIN]
-    eyes = (landmarks[RIGHT_EYE_OUTER] + landmarks[LEFT_EYE_OUTER]) / 2
-    # 0 at the level of the eyes, 1 at the top: the temples are raised less than the middle.
-    level = np.clip((oval - eyes) @ up, 0, None)
-    return smooth_contour(oval + _FOREHEAD * level[:, None] / max(level.max(), 1e-6) * up)
 
 
 def _eye_opening(

@@ -107,7 +107,8 @@ def test_it_is_found_at_any_size(monkeypatch, scale: int) -> None:
     camera = Camera(size, size, 3.0 * size, 0.4 * size, 0.6 * size)
     points = np.array([[0.2, 0.3]]) * size
     none = SurfacePoints.empty(1)
-    observed = Observation(image, regions, face > 0.5, face, camera, points, points, points, none)
+    mask = face > 0.5
+    observed = Observation(image, regions, mask, face, mask, camera, points, points, points, none)
     visibility = cast_shadow(observed, large(ABOVE) > 0.5, PRESETS["draft"])
     assert visibility is not None and visibility.shape == (size, size)
     assert agreement(visibility < 0.5, large(hat) > 0.5) > 0.9

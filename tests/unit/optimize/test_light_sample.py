@@ -10,6 +10,7 @@ import pytest
 import tiny_run
 from unlit.machine.runtime import mitsuba
 from unlit.optimize.shading import LightSample, Shading
+from unlit.optimize.stage_run import with_unit_light
 from unlit.optimize.stages import start
 from unlit.scene.arrays import device
 from unlit.scene.cells import grid_cells
@@ -57,3 +58,30 @@ def test_the_sample_takes_its_visibility_from_that_of_all() -> None:
     assert len(shading.bits) > len(traced) > 0
     np.testing.assert_array_equal(shading.bits_of(index).numpy(), traced)
     assert 0 < np.unpackbits(traced.view(np.uint8)).mean() < 1
+
+
+def test_light_and_gain_are_judged_where_the_head_is_fitted() -> None:
+    """The left half is fitted: what is sampled and called full light lies there."""
+    x = np.arange(tiny_run.SIZE) + np.zeros((tiny_run.SIZE, 1))
+    left = x < tiny_run.SIZE // 2
+    problem = tiny_run.problem(fitted=left)
+    assert problem.fitted.any() and not problem.fitted[~left].any()
+    shading = Shading(problem, grid_cells(6, 12))
+    sample = LightSample(problem, shading)
+    assert set(problem.pixel[sample.rows]) == set(np.flatnonzero(problem.fitted))
+
+    estimate = with_unit_light(problem, start(problem), shading)
+    shading.update(CellRadiance(shading.cells).of(estimate.light()), problem.maps(estimate))
+    e, _ = shading.shade(CellRadiance(shading.cells).of(estimate.light()))
+    e = problem.image(e, "zero").mean(axis=-1)
+    assert np.percentile(e[problem.fitted], 99) == pytest.approx(1, abs=0.01)
+
+
+def test_a_head_that_is_nowhere_fitted_is_judged_everywhere() -> None:
+    """Or where the photo does not count there."""
+    nowhere = np.zeros((tiny_run.SIZE, tiny_run.SIZE), dtype=bool)
+    problem = tiny_run.problem(fitted=nowhere)
+    np.testing.assert_array_equal(problem.fitted, problem.inside)
+    left = np.arange(tiny_run.SIZE) + 0 * nowhere < tiny_run.SIZE // 2
+    problem = tiny_run.problem(fitted=left, weight=np.where(left, 0, 1).astype(np.float32))
+    np.testing.assert_array_equal(problem.fitted, problem.inside)

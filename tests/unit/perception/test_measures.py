@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drawn_face import HIGH, WIDE, drawn_landmarks
+from drawn_face import HIGH, MIDDLE, SIZE, WIDE, drawn_landmarks
 from unlit.perception.measures import (
     colours,
     disk,
+    face_area,
     face_size,
     smoothstep,
     upwards,
@@ -23,6 +24,16 @@ def test_size_and_upright_follow_the_face() -> None:
     quarter = landmarks @ np.array([[0, 1], [-1, 0]]).T  # x, y -> y, -x
     np.testing.assert_allclose(upwards(quarter), (-1, 0), atol=1e-12)
     assert face_size(2 * landmarks) == pytest.approx(2 * face_size(landmarks))
+
+
+def test_the_area_of_a_face_has_its_forehead() -> None:
+    """The oval, and above its top three tenths of the face's height, which is two half axes."""
+    area = face_area(drawn_landmarks(), SIZE)
+    x, y = MIDDLE.astype(int)
+    assert area[y, x] and area[round(y + HIGH) - 3, x] and not area[round(y + HIGH) + 3, x]
+    assert not area[y, round(x + WIDE) + 3]
+    column = np.flatnonzero(area[:, x])
+    assert column[0] == pytest.approx(max(y - HIGH - 0.3 * 2 * HIGH, 0), abs=3)
 
 
 def test_smoothstep_is_flat_outside_and_rises_inside() -> None:
