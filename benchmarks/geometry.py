@@ -8,12 +8,16 @@ Every head is photographed by path tracing under each light, and the head model 
 photo in four ways. Per photo and way: the angle between the mesh's and the true normals (mean and
 median, degrees) and the error of depth after one scale (mm) inside the face without eyes, nostrils
 and inner mouth; the angle between the two heads' axes of symmetry (degrees), which says how far
-their turn is off whatever their shapes; the landmarks' residual (% of the eye distance). With
---seeds every photo is taken N times with other noise, and the figures are means; `normal_spread` is
-the largest less the smallest mean angle of the N. With --relight the five stages (`draft`) run on
-three of the fits, and on the last one without stage 3, too: PSNR (dB, sRGB, inside the face, after
-one gain) of the head relit by all lights, and the mesh's and the specular normals' mean angle after
-the stages. That takes about a minute for each photo.
+their turn is off whatever their shapes; the landmarks' residual (% of the eye distance).
+`features`: how far the strongest edges of the true normals near the wings of the nose, the mouth's
+line, the lips' edges, the lids and the jaw are displaced across themselves (features.py; pixels at
+512, median and 90th percentile; of all of the face in the tables, of each by name in the JSON).
+With --seeds every photo is taken N times with other noise, and the figures are means;
+`normal_spread` is the largest less the smallest mean angle of the N. With --relight the five stages
+(`draft`) run on three of the fits, and on the last one without stage 3, too: PSNR (dB, sRGB, inside
+the face, after one gain) of the head relit by all lights, the mesh's and the specular normals' mean
+angle after the stages, and `halo`, the albedo's error within 6 pixels of those features over its
+error elsewhere. That takes about a minute for each photo.
 
 DIR gets geometry.md, geometry.json, a picture of the errors for each head, and in DIR/steps the
 photos, so that a second run takes half a second a photo. Settings are chosen on the people marked
@@ -31,6 +35,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
+import features
 import numpy as np
 from numpy.typing import NDArray
 from subjects import SHARED, ict, lee_perry_smith, own
@@ -137,7 +142,8 @@ def people() -> dict[str, Person]:
 class Case:
     """One photo of a person, among those under all lights, `shots`.
 
-    mask: where errors count. position, normal: (H, W, 3), the truth.
+    mask: where errors count. landmarks: (478, 2), pixels, seen in even light. position, normal,
+    albedo: (H, W, 3), the truth.
     """
 
     name: str
@@ -145,8 +151,10 @@ class Case:
     yaw: float
     photo: FacePhoto
     mask: np.ndarray
+    landmarks: np.ndarray
     position: np.ndarray
     normal: np.ndarray
+    albedo: np.ndarray
     shots: tuple[Shot, ...]
 
 
@@ -171,9 +179,11 @@ def cases(
     shots = study.shots()
     photos_by_light = {shot.light.name: _observed(name, shot, subject) for shot in shots}
     position, normal = visible_surface(*_welded(vertices, triangles), subject.camera)
-    mask = face(photos_by_light["uniform"].landmarks[:, :2], size) & (normal != 0).any(axis=2)
+    landmarks = photos_by_light["uniform"].landmarks[:, :2]
+    mask = face(landmarks, size) & (normal != 0).any(axis=2)
+    truth = landmarks, position, normal, subject.truth.diffuse_albedo
     return [
-        Case(name, x, person.yaw, photos_by_light[x], mask, position, normal, shots)
+        Case(name, x, person.yaw, photos_by_light[x], mask, *truth, shots)
         for x in lights
         if x in photos_by_light
     ]
@@ -292,7 +302,19 @@ def judge(case: Case, model: HeadModel, fit: HeadFit, seconds: float) -> Found:
         "landmarks_percent": 100 * fit.landmark_residual,
         "seconds": seconds,
     }
+    figures |= _features(case, normal)
     return Found({name: round(float(x), 3) for name, x in figures.items()}, error)
+
+
+def _features(case: Case, normal: np.ndarray) -> dict[str, float]:
+    """Median and 90th percentile of the features' displacements, pixels at 512."""
+    moved = features.distances(case.normal, normal, case.mask, case.landmarks)
+    return {
+        f"features_{name}_{share}": np.percentile(values, share)
+        for name, values in moved.items()
+        for share in (50, 90)
+        if len(values)
+    }
 
 
 def _degrees(case: Case, normal: np.ndarray) -> np.ndarray:
@@ -317,6 +339,11 @@ def relit(case: Case, model: HeadModel, fit: HeadFit, settings: Settings) -> dic
     mesh = visible_surface(face.mesh.vertices, face.mesh.triangles, face.camera)[1]
     figures["mesh_after"] = np.nanmean(_degrees(case, mesh))
     figures["map_after"] = np.nanmean(_degrees(case, face.normals.specular))
+    figures |= {f"{name}_after": x for name, x in _features(case, mesh).items()}
+    albedo = face.maps.diffuse_albedo
+    albedo = albedo * best_gain(albedo, case.albedo, mask)
+    error = np.abs(encode_srgb(albedo) - encode_srgb(case.albedo)).mean(axis=2)
+    figures["halo"] = features.halo(error, mask, case.landmarks)
     return {name: round(float(x), 3) for name, x in figures.items()}
 
 
@@ -337,7 +364,7 @@ def run(case: Case, model: HeadModel, relight: bool = False) -> dict[str, Found]
 
 
 def averaged(rows: list[tuple[Case, dict[str, Found]]]) -> dict[str, dict[str, dict[str, float]]]:
-    """Figures by light and way, their mean over the photos under one light."""
+    """Figures by light and way, their mean over the photos under one light that have them."""
     lights: dict[str, list[dict[str, Found]]] = {}
     for case, found in rows:
         lights.setdefault(case.light, []).append(found)
@@ -346,7 +373,8 @@ def averaged(rows: list[tuple[Case, dict[str, Found]]]) -> dict[str, dict[str, d
         result[name] = {}
         for way in photos[0]:
             figures = [found[way].figures for found in photos]
-            mean = {key: float(np.mean([f[key] for f in figures])) for key in figures[0]}
+            names = {key: None for f in figures for key in f}
+            mean = {key: float(np.mean([f[key] for f in figures if key in f])) for key in names}
             spread = float(np.ptp([f["normal_mean"] for f in figures]))
             result[name][way] = mean | {"normal_spread": spread}
     return result
@@ -395,13 +423,16 @@ def tables(results: Results, tuned: dict[str, bool]) -> list[Table]:
                 cells = (
                     " / ".join(
                         f"{np.mean([f[way][figure] for f in found]):.1f}"
-                        for figure in ("normal_mean", "depth_mm", "turn")
+                        for figure in (
+                            *("normal_mean", "depth_mm", "turn"),
+                            *("features_all_50", "features_all_90"),
+                        )
                     )
                     for way in names
                 )
                 means.append((kind, half, name, *cells))
     halves = Table(
-        "Means: normals (degrees) / depth (mm) / turn (degrees)",
+        "Means: normals (degrees) / depth (mm) / turn (degrees) / features, 50 / 90 % (pixels)",
         ("heads", "half", "light", *names),
         tuple(means),
     )
@@ -419,6 +450,12 @@ def relighting_tables(results: Results) -> list[Table]:
         means = " / ".join(f"{x:.1f}" for x in values.mean(axis=0))
         return f"{means} (worst {values.min():.1f})"
 
+    def beside(figures: list[dict[str, float]], suffix: str) -> str:
+        names = ("features_all_50_after", "features_all_90_after", "halo")
+        return " / ".join(
+            f"{np.mean([f[f'{name}{suffix}'] for f in figures]):.2f}" for name in names
+        )
+
     def angles(figures: list[dict[str, float]], suffix: str) -> str:
         names = ("normal_mean", f"mesh_after{suffix}", f"map_after{suffix}")
         return " / ".join(f"{np.mean([f[name] for f in figures]):.1f}" for name in names)
@@ -427,6 +464,7 @@ def relighting_tables(results: Results) -> list[Table]:
     for title, cell in (
         (f"Relit, mean of {' / '.join(lights)} (dB)", relit),
         ("Normals before / after the stages, mesh / map (degrees)", angles),
+        ("Features after the stages, median / 90 % (pixels); halo", beside),
     ):
         body = []
         for kind in ("own", "ict", "scan"):
