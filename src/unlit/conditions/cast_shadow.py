@@ -106,12 +106,14 @@ def shadowed(
         np.clip(x, 0, _WHITE) + settings.black for x in (observation.image, stage1.render)
     )
     ratio = np.log(photo / model).mean(axis=2)
-    ratio = np.where(stage1.covered, ratio, 0).astype(np.float32)
+    # Ears and neck are darker and lighter than the model by its own errors.
+    covered = stage1.covered & observation.fitted
+    ratio = np.where(covered, ratio, 0).astype(np.float32)
     ratio = cv2.medianBlur(ratio, 2 * settings.smooth + 1)
     features = observation.regions[..., 1:4].sum(axis=2)  # lips, eyes, eyebrows
-    skin = stage1.covered & (features < 0.5) & (stage1.diffuse_shading > settings.least_shading)
+    skin = covered & (features < 0.5) & (stage1.diffuse_shading > settings.least_shading)
     plain = skin & ~_grown(features > 0.1, settings.features)
-    whole: Any = ndimage.binary_fill_holes(stage1.covered)
+    whole: Any = ndimage.binary_fill_holes(covered)
     rim = _grown(~whole, settings.rim + 1)
     dark = (plain & (ratio < settings.dark)).astype(np.uint8)
     core = cv2.morphologyEx(dark, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
@@ -120,7 +122,7 @@ def shadowed(
     for label in range(1, count):
         part = labels == label
         border = _grown(part, 1) & ~part
-        large = part.sum() > settings.least * stage1.covered.sum()
+        large = part.sum() > settings.least * covered.sum()
         if large and rim[border].mean() > settings.along and above[part].mean() > settings.above:
             found |= part
     # Between its parts it lies beside eyes and brows, too.
@@ -129,7 +131,27 @@ def shadowed(
         np.ones((2 * settings.bridged + 1,) * 2, np.uint8),
     )
     found |= skin & (ratio < settings.dim) & (near > 0)
-    return found if found.sum() <= settings.most * stage1.covered.sum() else np.zeros_like(found)
+    found &= ~_without_edge(found, ratio, plain, settings)
+    return found if found.sum() <= settings.most * covered.sum() else np.zeros_like(found)
+
+
+def _without_edge(
+    found: np.ndarray, ratio: np.ndarray, plain: np.ndarray, settings: CastShadow
+) -> np.ndarray:
+    """(H, W) bool: the parts that darken gradually, as shading does that the model has wrong."""
+    count, labels = cv2.connectedComponents(found.astype(np.uint8), connectivity=4)
+    result = np.zeros_like(found)
+    for label in range(1, count):
+        part = labels == label
+        beside = plain & ~found & (_distance_to(part) <= settings.edge)
+        within = plain & part & (_distance_to(beside) <= settings.edge)
+        if within.any() and np.median(ratio[beside]) - np.median(ratio[within]) < settings.step:
+            result |= part
+    return result
+
+
+def _distance_to(mask: np.ndarray) -> np.ndarray:
+    return np.asarray(ndimage.distance_transform_edt(~mask))
 
 
 def _grown(mask: np.ndarray, reach: int) -> np.ndarray:

@@ -168,6 +168,8 @@ class CastShadow:
     least_shading: least diffuse shading that the model has there, where full light is 1.
     least, most: share of the face; more is no shadow but a wrong light. along: least share of its
         border on the face's outline. above: least share of its area above the nose's base.
+    step: least change of the log ratio over its edge, between the medians of `edge` pixels to
+        either side; what darkens more gradually is shading that the model has wrong.
     """
 
     mode: CastShadowMode = "auto"
@@ -186,3 +188,5 @@ class CastShadow:
     most: Share = 0.4
     along: Share = 0.33
     above: Share = 0.5
+    step: Annotated[float, Meta(ge=0, le=10)] = 0.3
+    edge: Annotated[float, Meta(gt=0, le=64)] = 6.0

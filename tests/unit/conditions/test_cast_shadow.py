@@ -25,7 +25,7 @@ ABOVE = Y < 150  # the base of the nose
 RNG = np.random.default_rng(0)
 
 
-def found(dark: np.ndarray, factor: float = 0.4, light: float = 0.8) -> np.ndarray:
+def found(dark: np.ndarray, factor: float | np.ndarray = 0.4, light: float = 0.8) -> np.ndarray:
     """What is taken for a shadow on a face that is plain but for `dark`; noisy."""
     regions = np.zeros((SIZE, SIZE, 4), np.float32)
     regions[..., 3] = BROWS
@@ -34,7 +34,12 @@ def found(dark: np.ndarray, factor: float = 0.4, light: float = 0.8) -> np.ndarr
     image = render * np.where(dark, factor, 1)[..., None] * np.where(BROWS, 0.3, 1)[..., None]
     image = image * (1 + 0.05 * RNG.standard_normal(image.shape))
     stage1 = ShortStage1(np.full((SIZE, SIZE), light), np.zeros((SIZE, SIZE)), render, FACE)
-    return shadowed(SimpleNamespace(image=image, regions=regions), stage1, ABOVE, CastShadow())  # type: ignore[arg-type]
+    return shadowed(_seen(image, regions), stage1, ABOVE, CastShadow())  # type: ignore[arg-type]
+
+
+def _seen(image: np.ndarray, regions: np.ndarray) -> SimpleNamespace:
+    """Of an observation, what is asked for."""
+    return SimpleNamespace(image=image, regions=regions, fitted=np.ones_like(FACE))
 
 
 def agreement(a: np.ndarray, b: np.ndarray) -> float:
@@ -74,6 +79,25 @@ def test_a_shadow_is_much_darker_than_the_model_and_not_where_the_model_is_dark(
     assert not found(hat, light=0.1).any()
 
 
+def test_what_darkens_gradually_is_no_shadow() -> None:
+    """A forehead that falls off to the hair, by as much as a shadow would, over 50 pixels."""
+    gradual = np.clip(0.3 + (Y - 30) / 70, 0.3, 1)
+    assert not found(FACE, factor=gradual).any()
+    hard = found(FACE & (Y < 60), factor=0.3)
+    assert agreement(hard, FACE & (Y < 60)) > 0.9
+
+
+def test_ears_and_neck_are_not_looked_at() -> None:
+    """Dark skin where no landmark holds the head, as a neck below the chin is."""
+    dark = FACE & (Y < 80)
+    seen = _seen(np.where(dark, 0.1, 0.3)[..., None] * np.ones(3), np.zeros((SIZE, SIZE, 4)))
+    render = np.full((SIZE, SIZE, 3), 0.3) * FACE[..., None]
+    stage1 = ShortStage1(np.ones((SIZE, SIZE)), np.zeros((SIZE, SIZE)), render, FACE)
+    assert shadowed(seen, stage1, ABOVE, CastShadow()).any()  # type: ignore[arg-type]
+    seen.fitted = Y >= 80
+    assert not shadowed(seen, stage1, ABOVE, CastShadow()).any()  # type: ignore[arg-type]
+
+
 def test_skin_that_the_photo_clips_is_no_shadow() -> None:
     """The model may be far above white there."""
     render = np.where(FACE & (Y < 80), 2.2, 0.8)[..., None] * np.ones(3)
@@ -81,7 +105,7 @@ def test_skin_that_the_photo_clips_is_no_shadow() -> None:
     stage1 = ShortStage1(
         np.ones_like(render[..., 0]), 0 * render[..., 0], render * FACE[..., None], FACE
     )
-    photo = SimpleNamespace(image=np.minimum(stage1.render, 1), regions=regions)
+    photo = _seen(np.minimum(stage1.render, 1), regions)
     assert not shadowed(photo, stage1, ABOVE, CastShadow()).any()  # type: ignore[arg-type]
 
 
