@@ -6,6 +6,8 @@ maps of normals around each pixel. Lengths are pixels of a crop of 512.
 
 from __future__ import annotations
 
+import itertools
+
 import cv2
 import numpy as np
 
@@ -49,7 +51,7 @@ def distances(
     true, found: normals (S, S, 3), 0 where there is none. mask: (S, S) bool, where edges count.
     """
     size = len(true)
-    gradient = _gradient(true)
+    _, gradient = _slopes(cv2.GaussianBlur(true.astype(np.float32), (0, 0), 1.0))
     steep = np.sqrt(gradient[..., 0, 0] + gradient[..., 1, 1])
     edge = mask & (steep >= np.quantile(steep[mask], 1 - EDGES))
     # The direction in which the normals change most: the larger eigenvector.
@@ -65,18 +67,15 @@ def displacement(true: np.ndarray, found: np.ndarray) -> np.ndarray:
     size = len(true)
     unit = size / 512
     reach = round(REACH * unit)
-    offsets = np.arange(-reach, reach + 1)
     wide = np.pad(found, ((reach, reach), (reach, reach), (0, 0)))
-    cost = np.empty((len(offsets), len(offsets), size, size), np.float32)
-    for row, y in enumerate(offsets):
-        for column, x in enumerate(offsets):
-            there = wide[reach + y : reach + y + size, reach + x : reach + x + size]
-            difference = np.minimum(np.sum((there - true) ** 2, axis=-1), _LARGEST)
-            matched = cv2.GaussianBlur(difference.astype(np.float32), (0, 0), _WINDOW * unit)
-            cost[row, column] = matched + _STILL * (x * x + y * y) / unit**2
-    flat = cost.reshape(-1, size, size).argmin(axis=0)
-    row, column = np.unravel_index(flat, cost.shape[:2])
-    coarse = np.stack([offsets[column], offsets[row]], axis=-1)
+    least, coarse = np.full((size, size), np.inf), np.zeros((size, size, 2), int)
+    for y, x in itertools.product(range(-reach, reach + 1), repeat=2):
+        there = wide[reach + y : reach + y + size, reach + x : reach + x + size]
+        difference = np.minimum(np.sum((there - true) ** 2, axis=-1), _LARGEST)
+        matched = cv2.GaussianBlur(difference.astype(np.float32), (0, 0), _WINDOW * unit)
+        cost = matched + _STILL * (x * x + y * y) / unit**2
+        nearer = cost < least
+        least[nearer], coarse[nearer] = cost[nearer], (x, y)
     return coarse + _rest(true, found, coarse, _WINDOW * unit)
 
 
@@ -85,12 +84,10 @@ def _rest(true: np.ndarray, found: np.ndarray, coarse: np.ndarray, window: float
     ys, xs = np.indices(coarse.shape[:2])
     last = len(true) - 1
     there = found[np.clip(ys + coarse[..., 1], 0, last), np.clip(xs + coarse[..., 0], 0, last)]
-    by_x, by_y = np.gradient(true, axis=(1, 0))
-    slopes = np.stack([by_x, by_y], axis=-1)
-    error = there - true
-    tensor = np.einsum("yxci,yxcj->yxij", slopes, slopes).reshape(*ys.shape, 4)
-    pull = np.einsum("yxci,yxc->yxi", slopes, error)
-    both = _blurred(np.concatenate([tensor, pull], -1), window)
+    slopes, tensor = _slopes(true)
+    pull = np.einsum("yxci,yxc->yxi", slopes, there - true)
+    both = np.concatenate([tensor.reshape(*ys.shape, 4), pull], axis=-1).astype(np.float32)
+    both = cv2.GaussianBlur(both, (0, 0), window)
     tensor = both[..., :4].reshape(*ys.shape, 2, 2) + 1e-4 * np.eye(2)
     move = -np.linalg.solve(tensor, both[..., 4:, None])[..., 0]
     return np.clip(move, -0.75, 0.75)
@@ -102,15 +99,8 @@ def halo(error: np.ndarray, mask: np.ndarray, landmarks: np.ndarray) -> float:
     return float(error[mask & beside].mean() / max(float(error[mask & ~beside].mean()), 1e-9))
 
 
-def _gradient(normal: np.ndarray) -> np.ndarray:
-    """(S, S, 2, 2): the structure tensor of normals (S, S, 3), x first."""
-    smooth = cv2.GaussianBlur(normal.astype(np.float32), (0, 0), 1.0)
-    by_y, by_x = np.gradient(smooth, axis=(0, 1))
+def _slopes(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gradients (S, S, C, 2) of (S, S, C), x first, and their structure tensor (S, S, 2, 2)."""
+    by_x, by_y = np.gradient(image, axis=(1, 0))
     slopes = np.stack([by_x, by_y], axis=-1)
-    return np.einsum("yxci,yxcj->yxij", slopes, slopes)
-
-
-def _blurred(image: np.ndarray, sigma: float) -> np.ndarray:
-    """(S, S, C), each channel by itself: OpenCV takes four at most."""
-    planes = np.moveaxis(image.astype(np.float32), -1, 0)
-    return np.stack([cv2.GaussianBlur(plane, (0, 0), sigma) for plane in planes], axis=-1)
+    return slopes, np.einsum("yxci,yxcj->yxij", slopes, slopes)

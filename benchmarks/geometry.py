@@ -85,6 +85,8 @@ TIGHT = LandmarkFit(oval_weight=1, other_weight=1, deviation=1.5, huber=30, last
 #: Pairs of landmarks around the nostrils, and the radius about their middle, pixels of 512.
 _NOSTRILS, _NOSTRIL = ((98, 97), (327, 326)), 6.0
 _WORST = 30.0
+#: Figures of the table of means, in its heading's order.
+_MEANS = ("normal_mean", "depth_mm", "turn", "features_all_50", "features_all_90")
 
 _SMILE = {"mouthSmile_L": 0.6, "mouthSmile_R": 0.5, "cheekSquint_L": 0.3, "cheekSquint_R": 0.3}
 _OPEN = {"jawOpen": 0.3, "browInnerUp_L": 0.5, "browInnerUp_R": 0.5}
@@ -373,7 +375,7 @@ def averaged(rows: list[tuple[Case, dict[str, Found]]]) -> dict[str, dict[str, d
         result[name] = {}
         for way in photos[0]:
             figures = [found[way].figures for found in photos]
-            names = {key: None for f in figures for key in f}
+            names = dict.fromkeys(key for f in figures for key in f)
             mean = {key: float(np.mean([f[key] for f in figures if key in f])) for key in names}
             spread = float(np.ptp([f["normal_mean"] for f in figures]))
             result[name][way] = mean | {"normal_spread": spread}
@@ -422,11 +424,7 @@ def tables(results: Results, tuned: dict[str, bool]) -> list[Table]:
                 found = [results[p][name] for p in chosen if name in results[p]]
                 cells = (
                     " / ".join(
-                        f"{np.mean([f[way][figure] for f in found]):.1f}"
-                        for figure in (
-                            *("normal_mean", "depth_mm", "turn"),
-                            *("features_all_50", "features_all_90"),
-                        )
+                        f"{np.mean([f[way][figure] for f in found]):.1f}" for figure in _MEANS
                     )
                     for way in names
                 )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from unlit.perception.measures import coverage, heights, upwards
+from unlit.perception.measures import above, coverage
 from unlit.perception.topology import (
     FACE_OVAL,
     LEFT_EYE,
@@ -111,8 +111,7 @@ def _lines(landmarks: np.ndarray, size: int, face: float, rng: np.random.Generat
 
 def _shaved(landmarks: np.ndarray, size: int, face: float, rng: np.random.Generator) -> np.ndarray:
     """The grey shade of a shaved beard, with the dots of its hairs: (S, S, 3)."""
-    nose = landmarks[NOSE_BASE] @ upwards(landmarks)
-    lower = (heights(landmarks, size) < nose).astype(np.float32)
+    lower = (~above(landmarks, size, NOSE_BASE)).astype(np.float32)
     lower *= coverage(landmarks[list(FACE_OVAL)], size)
     lower *= 1 - coverage(landmarks[list(LIPS_OUTER)], size)
     place = _blurred(lower, rng.uniform(0.01, 0.05) * face)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from ..face.conditions import Conditions
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
 from ..optimize.observation import observation
-from ..perception.measures import heights, upwards
+from ..perception.measures import above
 from ..perception.topology import NOSE_BASE
 from ..photo.photo import Photo
 from ..settings.settings import Settings
@@ -30,7 +28,8 @@ def estimate_conditions(
     if settings.cast_shadow.mode == "keep":
         return conditions
     seen = observation(photo, head, conditions)
-    return replace(conditions, visibility=cast_shadow(seen, _above_nose(photo), settings))
+    above_nose = above(photo.landmarks[:, :2], len(photo.image), NOSE_BASE)
+    return replace(conditions, visibility=cast_shadow(seen, above_nose, settings))
 
 
 def _light_color(
@@ -45,9 +44,3 @@ def _light_color(
         color, found = estimated_color(observation(photo, head, Conditions()), settings)
     face = photo.image[photo.regions.face > 0.5]
     return Conditions(illuminant.fitting(color, face), found)
-
-
-def _above_nose(photo: FacePhoto) -> np.ndarray:
-    """(S, S) bool: what lies above the base of the nose."""
-    landmarks = photo.landmarks[:, :2]
-    return heights(landmarks, len(photo.image)) > upwards(landmarks) @ landmarks[NOSE_BASE]

@@ -70,6 +70,11 @@ class Problem:
         table = [getattr(settings, f"{name}_roughness") for name in REGIONS]
         self.roughness = device(mi.Float, regions @ table)
 
+    @property
+    def fitted_rows(self) -> np.ndarray:
+        """(N,) uint32: which of the P pixels are `fitted`."""
+        return np.flatnonzero(self.fitted.ravel()[self.pixel]).astype(np.uint32)
+
     def __len__(self) -> int:
         return len(self.pixel)
 

@@ -108,10 +108,9 @@ class LightSample:
 
     def __init__(self, problem: Problem, shading: Shading) -> None:
         settings = problem.settings
-        fitted = np.flatnonzero(problem.fitted.ravel()[problem.pixel])
+        fitted = problem.fitted_rows
         count = min(settings.light_points, len(fitted))
-        even = np.unique(np.linspace(0, len(fitted) - 1, count).astype(np.int64))
-        self.rows = fitted[even].astype(np.uint32)
+        self.rows = fitted[np.unique(np.linspace(0, len(fitted) - 1, count).astype(np.int64))]
         self.index = device(mi.UInt32, self.rows)
         points, bits = shading.points.gather(self.index), shading.bits_of(self.index)
         self.transport = Transport(points, shading.quadrature, bits)

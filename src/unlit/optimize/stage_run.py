@@ -243,8 +243,8 @@ def with_unit_light(problem: Problem, estimate: Estimate, shading: Shading) -> E
     radiance = CellRadiance(shading.cells).of(estimate.light())
     shading.update(radiance, problem.maps(estimate))
     e, _ = shading.shade(radiance)
-    fitted = np.flatnonzero(problem.fitted.ravel()[problem.pixel])
-    return estimate.with_gain(brightest(dr.gather(type(e), e, device(mi.UInt32, fitted))))
+    fitted = device(mi.UInt32, problem.fitted_rows)
+    return estimate.with_gain(brightest(dr.gather(type(e), e, fitted)))
 
 
 def brightest(e: Any) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .measures import heights, upwards
+from .measures import above
 from .parser import CLASSES, CONTOURS, SIZE, contours
 from .topology import FACE_OVAL, LEFT_EYE, LEFT_EYEBROW, NOSE_BASE, RIGHT_EYE, RIGHT_EYEBROW
 
@@ -32,10 +32,10 @@ def covers(shares: np.ndarray, landmarks: np.ndarray, size: int) -> dict[str, fl
     landmarks = landmarks * (SIZE / size)
     drawn = dict(zip(CONTOURS, contours(landmarks, SIZE), strict=True))
     oval, eyes = drawn[(FACE_OVAL,)], drawn[(RIGHT_EYE, LEFT_EYE)]
-    up, height = upwards(landmarks), heights(landmarks, SIZE)
-
-    def above(*points: int) -> np.ndarray:
-        return height > (landmarks[list(points)] @ up).mean()
+    above_nose, above_brows, above_eyes = (
+        above(landmarks, SIZE, *points)
+        for points in ((NOSE_BASE,), RIGHT_EYEBROW + LEFT_EYEBROW, RIGHT_EYE + LEFT_EYE)
+    )
 
     def share(where: np.ndarray, *names: str, area: float | None = None) -> float:
         classes = [CLASSES.index(name) for name in names]
@@ -45,9 +45,9 @@ def covers(shares: np.ndarray, landmarks: np.ndarray, size: int) -> dict[str, fl
     return {
         "glasses": share(oval, "frame", "clear lens"),
         "tinted glasses": share(eyes, "tinted lens"),
-        "beard": share(oval * ~above(NOSE_BASE), "beard"),
-        "hair": share(oval * above(*RIGHT_EYEBROW, *LEFT_EYEBROW), "hair"),
-        "hat": share(above(*RIGHT_EYE, *LEFT_EYE), "cloth", area=float(oval.sum())),
+        "beard": share(oval * ~above_nose, "beard"),
+        "hair": share(oval * above_brows, "hair"),
+        "hat": share(above_eyes, "cloth", area=float(oval.sum())),
         "hand or cloth": share(oval, "hand", "cloth"),
     }
 

@@ -82,11 +82,14 @@ def upwards(landmarks: np.ndarray) -> np.ndarray:
     return up / np.linalg.norm(up)
 
 
-def heights(landmarks: np.ndarray, resolution: int) -> np.ndarray:
-    """(S, S): how far up each pixel's centre lies, pixels, as `point @ upwards(landmarks)` does."""
-    return np.tensordot(
-        upwards(landmarks), np.indices((resolution, resolution))[::-1] + 0.5, axes=1
-    )
+def above(landmarks: np.ndarray, resolution: int, *points: int) -> np.ndarray:
+    """(S, S) bool: the pixels that lie higher along the face than some landmarks in the mean.
+
+    landmarks: (478, 2), pixels. points: which of them.
+    """
+    x, y = upwards(landmarks)
+    place = np.arange(resolution) + 0.5
+    return x * place + (y * place)[:, None] > (landmarks[list(points)] @ (x, y)).mean()
 
 
 def colours(image: np.ndarray) -> np.ndarray:

@@ -17,16 +17,15 @@ from ..color import luminance
 from ..errors import FaceError
 from .covers import worn
 from .measures import (
+    above,
     coverage,
     disk,
     face_area,
     face_size,
     feather,
     filled,
-    heights,
     smooth_contour,
     smoothstep,
-    upwards,
 )
 from .mouth import mouth_opening, relative_gap
 from .own_colours import by_own_colours
@@ -186,9 +185,8 @@ def _visible_face(
     of_skin = by_own_colours(image, skin, hair)
     told = near * skin + (1 - near) * of_skin * (skin + hair)
     if "hat" not in found:
-        eyes = (landmarks[[*RIGHT_EYE, *LEFT_EYE]] @ upwards(landmarks)).mean()
-        above = heights(landmarks, resolution) > eyes
-        told += share("cloth") * above * (near + (1 - near) * of_skin)
+        forehead = above(landmarks, resolution, *RIGHT_EYE, *LEFT_EYE)
+        told += share("cloth") * forehead * (near + (1 - near) * of_skin)
     if "beard" not in found:
         told += share("beard")
     dark = _dark_part(image, landmarks)

@@ -48,7 +48,7 @@ def test_shadows_are_looked_for_as_under_white_light(monkeypatch: pytest.MonkeyP
         return seen.image[..., 0]
 
     monkeypatch.setattr(module, "cast_shadow", found)
-    monkeypatch.setattr(module, "_above_nose", lambda _: None)
+    monkeypatch.setattr(module, "above", lambda *_: None)
     lamp = np.array([1, 0.5, 0.25], np.float32)
     coloured = replace(seen, image=seen.image * lamp)
     conditions = estimated(coloured, light_color="4,2,1", **{"cast_shadow.mode": "auto"})
