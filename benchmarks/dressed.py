@@ -42,8 +42,9 @@ HAIR = {
     "grey": (0.30, 0.29, 0.28),
     "white": (0.62, 0.60, 0.57),
 }
-#: Of the default head model's regions (head/model.py), what each is here.
-_OF_REGION = {"scalp": "skin", "neck": "skin", "ears": "skin", "eyebrows": "skin"}
+#: What the default head model's regions (head/model.py) and some strands are here.
+_COUNTS_AS = {"scalp": "skin", "neck": "skin", "ears": "skin", "eyebrows": "skin"}
+_STRANDS_AS = {"stubble": "skin"}
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Dressed:
-    """A head and what grows on it and is worn: strands by class, and meshes (worn/)."""
+    """A head, the strands on it ('hair', 'eyebrows', 'beard', 'stubble'), and what is worn."""
 
     head: Head
     look: Look
@@ -116,7 +117,10 @@ class Scene:
             parameters["light.data"] = mi.traverse(mi.load_dict(light))["data"]
             parameters.update()
         scene = self._lit
-        integrator = mi.load_dict({"type": "path", "max_depth": BOUNCES + 1, "hide_emitters": True})
+        # `path` takes lenses for opaque where it asks for light: eyes behind them would be black.
+        integrator = mi.load_dict(
+            {"type": "volpath", "max_depth": BOUNCES + 1, "hide_emitters": True}
+        )
         # Passes bound the wavefront's memory.
         passes = max(1, samples * self.size**2 // 2**22)
         view = self.camera.mitsuba_sensor(-(-samples // passes))
@@ -189,7 +193,8 @@ class Scene:
             if name == "head":
                 found[here] = self._classes[primitive[here]]
             else:
-                found[here] = CLASSES.index(name.split("#")[0])
+                kind = name.split("#")[0]
+                found[here] = CLASSES.index(_STRANDS_AS.get(kind, kind))
         return found
 
     def _build(self) -> tuple[dict[str, Any], np.ndarray]:
@@ -197,7 +202,7 @@ class Scene:
         head = dressed.head
         objects: dict[str, Any] = {"head": self._head()}
         colours = {"hair": dressed.look.hair, "eyebrows": dressed.look.brow}
-        colours["beard"] = dressed.look.beard
+        colours |= dict.fromkeys(("beard", "stubble"), dressed.look.beard)
         for kind, several in dressed.strands.items():
             for k, strands in enumerate(several):
                 if len(strands.points):
@@ -307,7 +312,7 @@ def _number(shapes: Any) -> np.ndarray:
 
 def _class_of(region: str) -> int:
     """The class of a region of the head model."""
-    return CLASSES.index(_OF_REGION.get(region, region))
+    return CLASSES.index(_COUNTS_AS.get(region, region))
 
 
 def _painted(head: Head, look: Look, seed: int) -> np.ndarray:

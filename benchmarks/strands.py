@@ -134,51 +134,79 @@ def brows(head: Head, rng: np.random.Generator) -> Strands:
     return _grow(head, roots, direction, length, style, rng, radius=0.018)
 
 
-#: Kinds of beard, all with a moustache: (length, cm; count; whether on chin and cheeks).
+@dataclass(frozen=True)
+class Beard:
+    """length, cm; count of hairs; cheeks: whether it grows on chin and cheeks, too; patchy: how
+    uneven its growth may be, 0 to 1; radius of a hair, cm.
+    """
+
+    length: float
+    count: int
+    cheeks: bool = True
+    patchy: float = 0.5
+    radius: float = 0.014
+
+
+#: All with a moustache. A man's beard has some 40 hairs a square centimetre, 0.01 cm thick.
 BEARDS = {
-    "stubble": (0.12, 9_000, True),
-    "short": (0.7, 12_000, True),
-    "full": (3.5, 12_000, True),
-    "long": (8.0, 12_000, True),
-    "moustache": (0.9, 2_000, False),
-    "goatee": (1.2, 3_000, False),
+    "stubble": Beard(0.15, 14_000, radius=0.008),
+    "short": Beard(0.8, 36_000, radius=0.012),
+    "full": Beard(3.5, 20_000, patchy=0.3),
+    "long": Beard(8.0, 16_000, patchy=0.3),
+    "moustache": Beard(0.9, 4_000, cheeks=False),
+    "goatee": Beard(1.2, 5_000, cheeks=False),
 }
 
 
 def beard(head: Head, kind: str, rng: np.random.Generator) -> Strands:
     """A beard; kind: a name in BEARDS."""
-    length, count, cheeks = BEARDS[kind]
+    usual = BEARDS[kind]
+    length = usual.length * np.exp(rng.uniform(-0.4, 0.4))
+    density = _beard_density(head, kind, rng)
+    patchy = usual.patchy * rng.random()
+    density *= 1 - patchy * (1 - noise(head.vertices, 1.5, rng) ** 2)
+    roots, normals = _scatter(head, density, int(usual.count * rng.uniform(0.7, 1.3)), rng)
+    down = np.array([0.0, -1.0, 0.25]) + np.sign(roots[:, :1]) * np.array([0.25, 0, 0])
+    curl = (rng.uniform(0, 0.15), 0.6)
+    style = Style(length, fall=0.35, clump=rng.uniform(0, 0.4), wild=0.25, curl=curl)
+    direction = rng.uniform(0.1, 0.4) * normals + 0.7 * down
+    lengths = length * rng.uniform(0.5, 1.0, len(roots))
+    return _grow(head, roots, direction, lengths, style, rng, usual.radius)
+
+
+def _beard_density(head: Head, kind: str, rng: np.random.Generator) -> np.ndarray:
+    """Density of roots at the vertices (V,), 0 to 1: soft where a beard thins out."""
     v, lm = head.vertices, head.landmarks
     nose, top_lip, low_lip, chin = lm[2], lm[0], lm[17], lm[152]
     corner = np.abs(lm[[61, 291], 0]).mean()
     mouth = lm[[61, 291], 1].mean()
     x, y, z = v.T
-    low = rng.uniform(0.5, 3.0)
+    soft = rng.uniform(0.1, 0.8)  # cm from no beard to all of it
     line = (
         mouth + rng.uniform(-0.5, 1.2) + np.maximum(np.abs(x) - corner, 0) * rng.uniform(0.4, 0.9)
     )
-    below = y < line
-    jaw = below & (y > chin[1] - low)
-    if not cheeks:
-        jaw &= (np.abs(x) < rng.uniform(1.0, 1.6)) & (y < low_lip[1] - 0.2)
-    sideburn = (_azimuth(v) > 60) & (_azimuth(v) < 84) & (y < 1) & (y > chin[1]) & cheeks
-    lip = (np.abs(x) < corner + 0.5) & (y < nose[1] - 0.15) & (y > top_lip[1] - 0.7)
+    jaw = _ramp(line - y, soft) * _ramp(y - (chin[1] - rng.uniform(0.5, 3.0)), soft)
+    lip = _ramp(corner + 0.5 - np.abs(x), soft) * ((y < nose[1] - 0.15) & (y > top_lip[1] - 0.7))
+    if BEARDS[kind].cheeks:
+        azimuth = _azimuth(v)
+        sideburn = _ramp(azimuth - 60, 8 * soft) * _ramp(84 - azimuth, 8 * soft)
+        jaw = np.maximum(jaw, sideburn * ((y < 1) & (y > chin[1])))
+    else:
+        jaw = jaw * (np.abs(x) < rng.uniform(1.0, 1.6)) * (y < low_lip[1] - 0.2)
+    if kind == "moustache":
+        jaw = np.zeros_like(jaw)
     if kind == "goatee":
         ring = (np.abs(np.abs(x) - corner - 0.3) < 0.45) & (y < mouth + 0.4) & (y > chin[1])
-        lip |= ring
-    allowed = head.within("skin", "neck")
+        lip = np.maximum(lip, ring)
     lips = KDTree(v[head.within("lips")])
-    clear = lips.query(v)[0] > 0.22
+    clear = lips.query(v)[0] > rng.uniform(0.1, 0.25)
     outside = (z > -9) & (head.normals[:, 2] > -0.6)
-    density = ((jaw | sideburn | lip) & allowed & clear & outside).astype(float)
-    density *= 0.25 + noise(v, 1.5, rng) ** 2
-    roots, root_normals = _scatter(head, density, count, rng)
-    down = np.array([0.0, -1.0, 0.25]) + np.sign(roots[:, :1]) * np.array([0.25, 0, 0])
-    style = Style(length, fall=0.35, clump=0.4, wild=0.25, curl=(rng.uniform(0, 0.15), 0.6))
-    direction = 0.25 * root_normals + 0.7 * down
-    lengths = length * rng.uniform(0.5, 1.0, len(roots))
-    radius = 0.014 if length < 0.2 else 0.02
-    return _grow(head, roots, direction, lengths, style, rng, radius)
+    return np.maximum(jaw, lip) * (head.within("skin", "neck") & clear & outside)
+
+
+def _ramp(depth: np.ndarray, width: float) -> np.ndarray:
+    """0 outside, 1 from `width` inside on."""
+    return np.clip(depth / width, 0, 1)
 
 
 def below(strands: Strands, clothes: list[np.ndarray]) -> Strands:

@@ -32,7 +32,7 @@ from heads import EXPRESSIONS, random_head
 from strands import Strands
 
 SIZE = 224
-SAMPLES = 8
+SAMPLES = 16
 LIGHTS = 2
 _HAIR = np.array(list(HAIR.values()))
 #: Hair over the forehead is what is most easily taken for skin: it comes more often.
@@ -68,24 +68,25 @@ def random_scene(rng: np.random.Generator) -> Scene:
     """Someone, with whatever people wear, before the camera."""
     head = random_head(rng, str(rng.choice(list(EXPRESSIONS))), spread=rng.uniform(0.5, 1.1))
     look = random_look(rng)
-    grown: dict[str, list[Strands]] = {"hair": [], "eyebrows": [], "beard": []}
+    grown: dict[str, list[Strands]] = {"hair": [], "eyebrows": [], "beard": [], "stubble": []}
     pieces = list(worn.garment(head, rng))
     hats = worn.hat(head, rng) if rng.random() < 0.16 else []
     if rng.random() < 0.92:
         style = strands.STYLES[str(rng.choice(_STYLES))]
-        grown["hair"].append(_fewer(strands.hair(head, style, rng)))
+        grown["hair"].append(strands.hair(head, style, rng))
         if rng.random() < 0.15:
             grown["hair"].append(strands.loose_strands(head, rng))
     if rng.random() < 0.95:
         grown["eyebrows"].append(strands.brows(head, rng))
     if rng.random() < 0.4:
         kind = str(rng.choice(list(strands.BEARDS)))
-        grown["beard"].append(_fewer(strands.beard(head, kind, rng)))
+        name = "stubble" if kind == "stubble" else "beard"
+        grown[name].append(strands.beard(head, kind, rng))
     if rng.random() < 0.28:
         pieces += worn.glasses(head, rng)
     if rng.random() < 0.10:
         pieces += worn.scarf(head, rng)
-    if rng.random() < 0.12:
+    if rng.random() < 0.16:
         pieces += worn.hand(head, rng, look.skin)
     clothes = [piece.vertices for piece in hats]
     grown["hair"] = [strands.below(hair, clothes) for hair in grown["hair"]]
@@ -97,12 +98,7 @@ def random_scene(rng: np.random.Generator) -> Scene:
         float(rng.uniform(29, 35)),
     )
     seed = int(rng.integers(1 << 31))
-    return Scene(Dressed(head, look, grown, [*pieces, *hats], seed), view, SIZE, grid=3)
-
-
-def _fewer(strands_: Strands) -> Strands:
-    """Half as many strands, half as thick again: enough for so small a picture."""
-    return Strands(strands_.points[::2], 1.5 * strands_.radius[::2])
+    return Scene(Dressed(head, look, grown, [*pieces, *hats], seed), view, SIZE)
 
 
 def main() -> None:

@@ -53,12 +53,25 @@ def skin_looks(
 
 def _noise(size: int, sigma: float, rng: np.random.Generator) -> np.ndarray:
     """(S, S) of standard deviation 1."""
-    noise = cv2.GaussianBlur(rng.standard_normal((size, size)).astype(np.float32), (0, 0), sigma)
+    coarse = _coarser(sigma)
+    shape = (size // coarse + 1, size // coarse + 1)
+    noise = cv2.GaussianBlur(rng.standard_normal(shape, np.float32), (0, 0), sigma / coarse)
+    noise = cv2.resize(noise, (size, size)) if coarse > 1 else noise[:size, :size]
     return noise / max(float(noise.std()), 1e-6)
 
 
 def _blurred(mask: np.ndarray, sigma: float) -> np.ndarray:
+    coarse = _coarser(sigma)
+    if coarse > 1:
+        height, width = mask.shape[:2]
+        few = cv2.resize(mask, (width // coarse, height // coarse), interpolation=cv2.INTER_AREA)
+        return cv2.resize(cv2.GaussianBlur(few, (0, 0), sigma / coarse), (width, height))
     return cv2.GaussianBlur(mask, (0, 0), max(sigma, 0.3))
+
+
+def _coarser(sigma: float) -> int:
+    """How many pixels a side are one where all is blurred by `sigma`."""
+    return max(int(sigma / 2), 1)
 
 
 def _freckles(size: int, rng: np.random.Generator) -> np.ndarray:

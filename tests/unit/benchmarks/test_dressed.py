@@ -73,6 +73,33 @@ def test_a_camera_makes_a_picture_of_it(scene):
     assert 40 < np.median(picture[inside]) < 250
 
 
+def test_clear_lenses_let_light_through():
+    """Under a small light, what lies behind a lens is as bright as without it, but for gloss."""
+    rng = np.random.default_rng(3)
+    head = random_head(rng, spread=0.3)
+    glasses = worn.glasses(head, rng, "clear")
+    light = snapshots.LIGHTS["flash"]()
+    seen, bare = (
+        Scene(Dressed(head, Look(), {}, pieces), View(), SIZE, 2) for pieces in (glasses, [])
+    )
+    behind = (share(seen, "clear lens") > 0.9) & (share(seen, "frame") == 0)
+    assert behind.sum() > 20
+    through, without = (s.photograph(light, 8)[behind][:, :3].mean() for s in (seen, bare))
+    assert through == pytest.approx(without, rel=0.3)
+
+
+def test_stubble_is_skin_and_a_beard_is_not():
+    rng = np.random.default_rng(5)
+    head = random_head(rng, spread=0.3)
+    grown = strands.beard(head, "short", rng)
+    skins = [
+        share(Scene(Dressed(head, Look(), {kind: [grown]}), View(), SIZE, 2), "skin").sum()
+        for kind in ("stubble", "beard")
+    ]
+    bare = share(Scene(Dressed(head, Look()), View(), SIZE, 2), "skin").sum()
+    assert skins[0] >= bare > 1.1 * skins[1]
+
+
 def test_no_hair_under_a_hat():
     points = np.array([[[0, 0, 0], [0, 1, 0]], [[5, 0, 0], [5, 1, 0]]], float)
     hair = strands.Strands(points, np.full(2, 0.02))
