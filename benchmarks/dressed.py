@@ -42,9 +42,10 @@ HAIR = {
     "grey": (0.30, 0.29, 0.28),
     "white": (0.62, 0.60, 0.57),
 }
-#: What the default head model's regions (head/model.py) and some strands are here.
-_COUNTS_AS = {"scalp": "skin", "neck": "skin", "ears": "skin", "eyebrows": "skin"}
-_STRANDS_AS = {"stubble": "skin"}
+#: Of the default head model's regions (head/model.py), what each is here.
+_OF_REGION = {"scalp": "skin", "neck": "skin", "ears": "skin", "eyebrows": "skin"}
+#: The same of strands.
+_OF_STRANDS = {"stubble": "skin"}
 
 
 @dataclass(frozen=True)
@@ -194,7 +195,7 @@ class Scene:
                 found[here] = self._classes[primitive[here]]
             else:
                 kind = name.split("#")[0]
-                found[here] = CLASSES.index(_STRANDS_AS.get(kind, kind))
+                found[here] = CLASSES.index(_OF_STRANDS.get(kind, kind))
         return found
 
     def _build(self) -> tuple[dict[str, Any], np.ndarray]:
@@ -312,7 +313,7 @@ def _number(shapes: Any) -> np.ndarray:
 
 def _class_of(region: str) -> int:
     """The class of a region of the head model."""
-    return CLASSES.index(_COUNTS_AS.get(region, region))
+    return CLASSES.index(_OF_REGION.get(region, region))
 
 
 def _painted(head: Head, look: Look, seed: int) -> np.ndarray:

@@ -51,8 +51,7 @@ def _hair(style: str) -> Dress:
 def _beard(kind: str) -> Dress:
     def dress(head: Head, rng: np.random.Generator) -> tuple[dict[str, list[Any]], list[Any]]:
         hair = strands.hair(head, strands.STYLES["short"], rng)
-        grown = strands.beard(head, kind, rng)
-        return {"hair": [hair], "stubble" if kind == "stubble" else "beard": [grown]}, []
+        return {"hair": [hair]} | strands.beard(head, kind, rng), []
 
     return dress
 

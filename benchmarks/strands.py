@@ -158,8 +158,8 @@ BEARDS = {
 }
 
 
-def beard(head: Head, kind: str, rng: np.random.Generator) -> Strands:
-    """A beard; kind: a name in BEARDS."""
+def beard(head: Head, kind: str, rng: np.random.Generator) -> dict[str, list[Strands]]:
+    """A beard, as what it counts as: 'stubble' or 'beard'; kind: a name in BEARDS."""
     usual = BEARDS[kind]
     length = usual.length * np.exp(rng.uniform(-0.4, 0.4))
     density = _beard_density(head, kind, rng)
@@ -171,7 +171,8 @@ def beard(head: Head, kind: str, rng: np.random.Generator) -> Strands:
     style = Style(length, fall=0.35, clump=rng.uniform(0, 0.4), wild=0.25, curl=curl)
     direction = rng.uniform(0.1, 0.4) * normals + 0.7 * down
     lengths = length * rng.uniform(0.5, 1.0, len(roots))
-    return _grow(head, roots, direction, lengths, style, rng, usual.radius)
+    grown = _grow(head, roots, direction, lengths, style, rng, usual.radius)
+    return {"stubble" if kind == "stubble" else "beard": [grown]}
 
 
 def _beard_density(head: Head, kind: str, rng: np.random.Generator) -> np.ndarray:
@@ -192,9 +193,8 @@ def _beard_density(head: Head, kind: str, rng: np.random.Generator) -> np.ndarra
         sideburn = _ramp(azimuth - 60, 8 * soft) * _ramp(84 - azimuth, 8 * soft)
         jaw = np.maximum(jaw, sideburn * ((y < 1) & (y > chin[1])))
     else:
-        jaw = jaw * (np.abs(x) < rng.uniform(1.0, 1.6)) * (y < low_lip[1] - 0.2)
-    if kind == "moustache":
-        jaw = np.zeros_like(jaw)
+        chin_only = (np.abs(x) < rng.uniform(1.0, 1.6)) & (y < low_lip[1] - 0.2)
+        jaw = jaw * (chin_only & (kind == "goatee"))
     if kind == "goatee":
         ring = (np.abs(np.abs(x) - corner - 0.3) < 0.45) & (y < mouth + 0.4) & (y > chin[1])
         lip = np.maximum(lip, ring)
@@ -242,7 +242,7 @@ def _scalp_density(head: Head, style: Style, rng: np.random.Generator) -> np.nda
     line = np.interp(azimuth, *_HAIRLINE.T)
     line = line + (style.recede + raise_) * np.clip(1.2 - azimuth / 60, 0, 1)
     line = line + 0.5 * (noise(v, 1.2, rng) - 0.5)
-    density = np.clip((v[:, 1] - line) / 0.5, 0, 1)
+    density = _ramp(v[:, 1] - line, 0.5)
     if style.bald:
         density *= (azimuth > 55) & (v[:, 1] < 7.5)
     near_ear = KDTree(v[head.within("ears")]).query(v)[0] < 0.4

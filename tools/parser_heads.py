@@ -68,7 +68,7 @@ def random_scene(rng: np.random.Generator) -> Scene:
     """Someone, with whatever people wear, before the camera."""
     head = random_head(rng, str(rng.choice(list(EXPRESSIONS))), spread=rng.uniform(0.5, 1.1))
     look = random_look(rng)
-    grown: dict[str, list[Strands]] = {"hair": [], "eyebrows": [], "beard": [], "stubble": []}
+    grown: dict[str, list[Strands]] = {"hair": [], "eyebrows": []}
     pieces = list(worn.garment(head, rng))
     hats = worn.hat(head, rng) if rng.random() < 0.16 else []
     if rng.random() < 0.92:
@@ -80,8 +80,7 @@ def random_scene(rng: np.random.Generator) -> Scene:
         grown["eyebrows"].append(strands.brows(head, rng))
     if rng.random() < 0.4:
         kind = str(rng.choice(list(strands.BEARDS)))
-        name = "stubble" if kind == "stubble" else "beard"
-        grown[name].append(strands.beard(head, kind, rng))
+        grown |= strands.beard(head, kind, rng)
     if rng.random() < 0.28:
         pieces += worn.glasses(head, rng)
     if rng.random() < 0.10:

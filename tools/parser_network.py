@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from unlit.perception.parser import CLASSES, CONTOURS, SIZE
 
-#: Channels of each level of the coarse part, and residual blocks of all but the first.
+#: Channels of each level, and residual blocks of all but the first.
 CHANNELS = (24, 48, 64, 96, 128)
 BLOCKS = (1, 2, 2, 2)
 
@@ -127,7 +127,7 @@ def take(model: Parser, file: Path, sample: torch.Tensor) -> None:
 
 
 def write(model: Parser, file: Path) -> None:
-    """The weights as .onnx; nothing half-written is left behind."""
+    """The weights as .onnx, which is written whole or not at all."""
     model.eval()
     part = file.with_suffix(".part")
     nothing = torch.zeros(1, 4 + len(CONTOURS), SIZE, SIZE)

@@ -91,9 +91,9 @@ def test_clear_lenses_let_light_through():
 def test_stubble_is_skin_and_a_beard_is_not():
     rng = np.random.default_rng(5)
     head = random_head(rng, spread=0.3)
-    grown = strands.beard(head, "short", rng)
+    (grown,) = strands.beard(head, "short", rng).values()
     skins = [
-        share(Scene(Dressed(head, Look(), {kind: [grown]}), View(), SIZE, 2), "skin").sum()
+        share(Scene(Dressed(head, Look(), {kind: grown}), View(), SIZE, 2), "skin").sum()
         for kind in ("stubble", "beard")
     ]
     bare = share(Scene(Dressed(head, Look()), View(), SIZE, 2), "skin").sum()
