@@ -151,9 +151,9 @@ def _watch(
                 size = sum(path.lstat().st_size for path in folder.rglob("*"))
         if size > bound:
             raise SourceError(f"sends more than the {source.size} bytes expected")
+        report(min(size, source.size - 1))
         if time.monotonic() > deadline:
             raise SourceError(f"took longer than {_PACKAGE_SECONDS} s")
-        report(min(size, source.size - 1))
 
 
 def _pip_reason(log: str) -> str:
