@@ -79,7 +79,7 @@ STYLES = {
     "curly": Style(9.0, 0.7, (0.0, 0.1, -0.2), None, 0.06, (0.55, 0.35), 0.9, 0.35),
     "afro": Style(7.0, 1.0, (0.0, 0.1, 0.0), None, 0.0, (0.35, 0.9), 0.4, 0.35, 22_000),
     "fringe": Style(24.0, 0.25, (0.0, 0.0, -0.35), None, 0.5, clump=0.6, fringe=9.0),
-    "short fringe": Style(5.0, 0.4, (0.1, 0.1, -0.3), None, 0.2, clump=0.6, fringe=7.0),
+    "short fringe": Style(5.0, 0.3, (0.1, 0.1, -0.3), None, 0.5, clump=0.6, fringe=9.0),
     "side fringe": Style(
         24.0, 0.25, (0.0, 0.0, -0.35), None, 0.5, clump=0.3, wild=0.05, fringe=12.0, sweep=2.0
     ),

@@ -37,6 +37,7 @@ from .topology import (
     LEFT_LID_GAP,
     LIPS_INNER,
     LIPS_OUTER,
+    NOSE_BASE,
     RIGHT_EYE,
     RIGHT_EYEBROW,
     RIGHT_LID_GAP,
@@ -51,19 +52,18 @@ REGIONS = ("skin", "lips", "eyes", "eyebrows")
 _APERTURE = (0.08, 0.14)
 _BLINK = (0.65, 0.85)
 _FEATURE_NAMES = ("lips", "eyes", "eyebrows", "mouth")
-_FEATURES = (RIGHT_EYE, LEFT_EYE, RIGHT_EYEBROW, LEFT_EYEBROW, LIPS_OUTER)
-_NEAR_FEATURES = 0.05  # of the face's size
 # What counts as black, of the face's brightness; as a large part of it, and as the line beside
 # it, of its size.
 _DARK = 0.02
 _DARK_WIDTH = 0.12
 _DIM_EDGE = 0.02
 _NOISE = 0.01  # standard deviation of the blur against the camera's noise, of the face's size
-# Share of the oval from which on a half of the face is without light.
-_DARK_HALF = 0.1
 #: Classes of what covers the skin, and the share from which they count, and count wholly.
-_COVERING = {"glasses": ("frame",), "tinted glasses": ("tinted lens", "eyes"), "beard": ("beard",)}
+_COVERING = {"glasses": ("frame",), "tinted glasses": ("tinted lens", "eyes")}
 _SHARE_OF_COVER = (0.2, 0.6)
+_SUREST = 90.0  # percentile of a beard's share, below the nose, that stands for a whole beard
+_FAINTEST = 0.4  # and the least that may: what is fainter on the whole is skin in part
+_ISLAND = 0.08  # side of a square that is no face when it lies alone, of the face's size
 _FEATHER = 1 / 300  # standard deviation over the face's size: 1 pixel at 512
 
 
@@ -166,43 +166,56 @@ def _visible_face(
 ) -> np.ndarray:
     """(S, S) float32 in [0, 1]: the share of the face, features and all.
 
-    What the parser says, enlarged; away from the features, which have colours of their own, skin
-    and hair are told by theirs, too. Where a half of the face gets no light, nothing tells it from
-    black hair or a black wall: within the landmarks' oval it is taken for skin, as its darkness
-    says where the light is not. What looks in places like a beard, or above the eyes like cloth,
-    where no beard and no hat was found (`found`, of `covers`), is skin, or skin and hair.
+    What the parser says, enlarged, with borders where the photo has them. Where a half of the face
+    gets no light, nothing tells it from black hair or a black wall: within the landmarks' oval it
+    is taken for skin, as its darkness says where the light is not. What looks in places like a
+    beard, or on the forehead like cloth, is skin where no beard and no hat was found (`found`, of
+    `covers`); a beard is told like hair.
     """
     resolution = len(image)
 
     def share(*names: str) -> np.ndarray:
         return np.clip(_enlarged(shares, names, resolution), 0, 1)
 
-    skin, hair = share("skin"), share("hair")
     size = face_size(landmarks)
-    features = filled(landmarks, resolution, *_FEATURES).astype(np.uint8)
-    features = cv2.dilate(features, disk(_NEAR_FEATURES * size)).astype(np.float32)
-    near = feather(features, _NEAR_FEATURES / 2 * size)
-    of_skin = by_own_colours(image, skin, hair)
-    told = near * skin + (1 - near) * of_skin * (skin + hair)
+    face, hair = share("skin", *_FEATURE_NAMES), share("hair")
+    if "beard" in found:
+        # The parser is seldom sure of a beard: what counts is where it is as sure as it gets here.
+        below = filled(landmarks, resolution, FACE_OVAL) & ~above(landmarks, resolution, NOSE_BASE)
+        beard = share("beard")
+        beard = np.minimum(beard / max(np.percentile(beard[below], _SUREST), _FAINTEST), 1)
+        face, hair = np.minimum(face, 1 - beard), np.maximum(hair, beard)
+    else:
+        face += share("beard")
     if "hat" not in found:
         forehead = above(landmarks, resolution, *RIGHT_EYE, *LEFT_EYE)
-        told += share("cloth") * forehead * (near + (1 - near) * of_skin)
-    if "beard" not in found:
-        told += share("beard")
+        forehead &= face_area(landmarks, resolution)
+        face += share("cloth") * feather(forehead.astype(np.float32), _FEATHER * size)
+    face = np.clip(face, 0, 1)
     dark = _dark_part(image, landmarks)
-    face = np.clip(told + share(*_FEATURE_NAMES) + dark * share("background", "hair"), 0, 1)
+    black = dark * np.clip(face + share("background", "hair"), 0, 1)
+    face = np.maximum(by_own_colours(image, face, hair, size), black)
     if not dark.any():
-        return face
+        return _without_islands(face, size)
     # Between the dark and the lit part lies a line that is dim, which the parser takes for hair.
     edge = disk(_DIM_EDGE * size)
     return face + cv2.dilate(dark, edge) * (cv2.morphologyEx(face, cv2.MORPH_CLOSE, edge) - face)
 
 
-def _covered(shares: np.ndarray, found: set[str], resolution: int) -> np.ndarray:
-    """(S, S) float32 in [0, 1]: a beard, frames, tinted lenses with the eyes that they let through.
+def _without_islands(face: np.ndarray, size: float) -> np.ndarray:
+    """(S, S) float32: `face` without small islands, as between the hairs of a cropped temple."""
+    _, parts, table, _ = cv2.connectedComponentsWithStats((face > 0.5).astype(np.uint8))
+    small = table[:, cv2.CC_STAT_AREA] < (_ISLAND * size) ** 2
+    small[0] = False  # all that is no face
+    rim = disk(3 * _FEATHER * size)
+    islands = cv2.dilate(np.isin(parts, np.flatnonzero(small)).astype(np.uint8), rim)
+    return np.where(islands > 0, 0, face).astype(np.float32)
 
-    A frame is thinner than a pixel of the parser, and a beard not as dense as it is whole: where
-    there is one, a small share of it is one.
+
+def _covered(shares: np.ndarray, found: set[str], resolution: int) -> np.ndarray:
+    """(S, S) float32 in [0, 1]: frames, tinted lenses with the eyes that they let through.
+
+    A frame is thinner than a pixel of the parser: where there is one, a small share of it is one.
     """
     names = [name for cover in found for name in _COVERING.get(cover, ())]
     return smoothstep(_enlarged(shares, names, resolution), *_SHARE_OF_COVER)
@@ -215,22 +228,15 @@ def _enlarged(shares: np.ndarray, names: Sequence[str], resolution: int) -> np.n
 
 
 def _dark_part(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
-    """(S, S) float32: 1 in large parts of the face that are all but black, soft at 1 pixel.
+    """(S, S) float32: 1 in large parts of the oval that are all but black, soft at 1 pixel.
 
-    What is narrow, as the gaps between strands of hair, is none. Where much of the landmarks' oval
-    is black, what hangs together with it on the forehead above the oval is, too.
+    What is narrow, as the gaps between strands of hair, is none.
     """
     size = face_size(landmarks)
     oval = filled(landmarks, len(image), FACE_OVAL)
     seen = feather(luminance(np.maximum(image, 0)), _NOISE * size)
     dark = (seen < _DARK * np.percentile(seen[oval], 90)).astype(np.uint8)
-    large = cv2.morphologyEx(dark, cv2.MORPH_OPEN, disk(_DARK_WIDTH / 2 * size)) > 0
-    if (large & oval).sum() > _DARK_HALF * oval.sum():
-        forehead = face_area(landmarks, len(image))
-        _, parts = cv2.connectedComponents((large & (oval | forehead)).astype(np.uint8))
-        large = np.isin(parts, np.setdiff1d(parts[large & oval], 0))
-    else:
-        large &= oval
+    large = (cv2.morphologyEx(dark, cv2.MORPH_OPEN, disk(_DARK_WIDTH / 2 * size)) > 0) & oval
     return feather(large.astype(np.float32), _FEATHER * size)
 
 
