@@ -1,4 +1,4 @@
-"""The head model fitted to a photo: to its landmarks, then to its shading."""
+"""The head model fitted to a photo: to its landmarks and outline, then to its shading, too."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from ..face.face import PosedMesh
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
 from ..head.model import HeadModel
+from ..settings.fit import OutlineFit
 from ..settings.settings import Settings
 from .landmarks import LandmarkProblem
+from .outline import Outline
 from .shading import ShadingProblem
 
 
@@ -17,7 +19,9 @@ def fit_head(photo: FacePhoto, model: HeadModel, settings: Settings) -> FittedHe
     """`model` fitted to the photo (paper, section 2.1). Raises FaceError."""
     closed = bool(photo.regions.mouth.max() < 0.5)
     problem = LandmarkProblem(
-        model, photo.landmarks, photo.camera, settings.landmark_fit, image=photo.image
+        *(model, photo.landmarks, photo.camera, settings.landmark_fit),
+        image=photo.image,
+        outline=seen_outline(photo, model, settings.outline_fit),
     )
     with threadpool_limits(1, user_api="blas"):
         shading = ShadingProblem(problem, photo.image, photo.regions, settings.shading_fit)
@@ -29,3 +33,10 @@ def fit_head(photo: FacePhoto, model: HeadModel, settings: Settings) -> FittedHe
         fit.landmark_residual,
         f"{model.name}, {model.licence}",
     )
+
+
+def seen_outline(photo: FacePhoto, model: HeadModel, settings: OutlineFit) -> Outline | None:
+    """The photo's outline for the fit; None where no parser has told skin from background."""
+    if photo.regions.shares is None:
+        return None
+    return Outline(model, photo.camera, photo.regions, settings)

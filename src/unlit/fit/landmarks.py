@@ -35,38 +35,13 @@ from ..perception.topology import (
 )
 from ..scene.camera import Camera
 from ..settings.fit import LandmarkFit
+from .outline import Outline
+from .state import STATED_RESOLUTION, State, camera_motion
 
 # Midline from the root of the nose to the chin, and the nose's wings and base.
 NOSE_AND_MIDLINE = (168, 6, 197, 195, 5, 4, 1, 19, 94, 2, 164, 18, 200, 199, 175)
 NOSE_AND_MIDLINE += (98, 97, 326, 327, 129, 358, 49, 279, 48, 278, 64, 294)
 _GAPS = (*LIP_GAP, *RIGHT_LID_GAP, *LEFT_LID_GAP)
-#: The settings' distances are stated for a crop of this size, pixels.
-STATED_RESOLUTION = 512
-
-
-@dataclass(frozen=True)
-class State:
-    """The unknowns, float64.
-
-    rotation (3, 3), translation (3,) cm: world = rotation @ model + translation.
-    identity (I,), in standard deviations; expression (E,), in [0, 1].
-    """
-
-    rotation: np.ndarray
-    translation: np.ndarray
-    identity: np.ndarray
-    expression: np.ndarray
-
-    def moved(self, move: np.ndarray) -> State:
-        """After a step: turn about the world's axes (3, radians), shift (3, cm), identity (I,),
-        expression (E,), which is kept in [0, 1]."""
-        units = len(self.identity)
-        return State(
-            Rotation.from_rotvec(move[:3]).as_matrix() @ self.rotation,
-            self.translation + move[3:6],
-            self.identity + move[6 : 6 + units],
-            np.clip(self.expression + move[6 + units :], 0, 1),
-        )
 
 
 @dataclass(frozen=True)
@@ -90,9 +65,10 @@ class LandmarkProblem:
 
     landmarks: (478, 3), pixels of `camera`'s image, z in pixels, near is small. bias: of the
     landmarks, what is shipped if None. image: (S, S, 3) linear sRGB, that landmarks in the dark may
-    be trusted less. The landmarker's expression scores are not used: started from them or pulled
-    towards them, the fit's normals were no better or worse (docs/head-model-format.md). Raises
-    FaceError when the landmarks are not finite or no head in front of the camera fits.
+    be trusted less. outline: of the head in the photo, which the fit then follows, too. The
+    landmarker's expression scores are not used: started from them or pulled towards them, the fit's
+    normals were no better or worse (docs/head-model-format.md). Raises FaceError when the landmarks
+    are not finite or no head in front of the camera fits.
     """
 
     def __init__(
@@ -103,12 +79,14 @@ class LandmarkProblem:
         settings: LandmarkFit,
         bias: LandmarkError | None = None,
         image: np.ndarray | None = None,
+        outline: Outline | None = None,
     ) -> None:
         self.bias = bias or shipped_error()
         landmarks = np.asarray(landmarks, dtype=np.float64)
         if landmarks.shape != (LANDMARKS, 3) or not np.isfinite(landmarks).all():
             raise FaceError("the face's landmarks are not 478 finite points: use another photo")
         self.model, self.camera, self.settings = model, camera, settings
+        self.outline = outline
         self.used = np.flatnonzero(model.landmark_points.triangle >= 0)
         if len(self.used) < 20:
             raise FaceError(f"the head model {model.name} carries too few landmarks to be fitted")
@@ -236,18 +214,9 @@ class LandmarkProblem:
         deviation = deviation or settings.deviation
         shape = np.concatenate([state.identity, state.expression])
         local = self.neutral + np.tensordot(shape, self.basis, axes=1)
-        turned = local @ state.rotation.T
-        world = turned + state.translation
+        world = state.placed(local)
         error = camera.project(world) - self.goal + self._expected(state.rotation, world)
-        moves = np.concatenate(
-            [
-                np.stack([np.cross(axis, turned) for axis in np.eye(3)], axis=-1),
-                np.tile(np.eye(3), (len(world), 1, 1)),
-                np.einsum("xy,bly->lxb", state.rotation, self.basis),
-            ],
-            axis=2,
-        )
-        jacobian = camera_motion(camera, world, moves)
+        jacobian = camera_motion(camera, world, state.motion(local, self.basis))
 
         distance = np.linalg.norm(error, axis=-1)
         huber = np.minimum(1, settings.huber * self.pixel / np.maximum(distance, 1e-9))
@@ -266,6 +235,10 @@ class LandmarkProblem:
         matrix[6:, 6:] += gap_weight * rows.T @ rows
         gradient[6:] += gap_weight * rows.T @ gap_error.ravel()
         cost += 0.5 * gap_weight * np.sum(gap_error**2)
+        if self.outline is not None:
+            of_outline = self.outline.equations(state)
+            matrix, gradient = matrix + of_outline[0], gradient + of_outline[1]
+            cost += of_outline[2]
         return matrix, gradient, float(cost)
 
     def _expected(self, rotation: np.ndarray, world: np.ndarray) -> np.ndarray:
@@ -321,15 +294,6 @@ def _angles(rotation: np.ndarray, place: np.ndarray) -> np.ndarray:
     size = np.linalg.norm(across)
     turn = Rotation.from_rotvec(across * (np.arctan2(size, -ray[2]) / max(size, 1e-9)))
     return (turn * Rotation.from_matrix(rotation)).as_euler("ZYX")
-
-
-def camera_motion(camera: Camera, world: np.ndarray, moves: np.ndarray) -> np.ndarray:
-    """Motion in the image (N, 2, K), pixels, of points (N, 3) that move by `moves` (N, 3, K)."""
-    nearness = 1 / -world[:, 2, None]
-    centred = camera.project(world) - (camera.cx, camera.cy)
-    along_x = camera.focal * moves[:, 0] + centred[:, :1] * moves[:, 2]
-    along_y = -camera.focal * moves[:, 1] + centred[:, 1:] * moves[:, 2]
-    return np.stack([along_x * nearness, along_y * nearness], axis=1)
 
 
 def bounded_solve(

@@ -32,8 +32,9 @@ from ..scene.cells import grid_cells
 from ..scene.mesh import CameraHits, Mesh, surface, surface_weights
 from ..settings.fit import ShadingFit
 from ..settings.settings import ROUGHNESS
-from .landmarks import STATED_RESOLUTION, HeadFit, LandmarkProblem, State, bounded_solve
+from .landmarks import HeadFit, LandmarkProblem, bounded_solve
 from .shape_jacobian import SeenPixels, ShapeJacobian
+from .state import STATED_RESOLUTION, State
 
 mi = mitsuba()
 

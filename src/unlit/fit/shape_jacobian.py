@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from ..head.model import HeadModel
 from ..scene.camera import Camera
-from .landmarks import State, camera_motion
+from .state import State, camera_motion
 
 #: Normals of neighbouring pixels that differ by more are of two surfaces, one behind the other.
 _CREASE = 0.5
@@ -104,15 +104,10 @@ class ShapeJacobian:
     def _moves(self, seen: SeenPixels) -> np.ndarray:
         """Motion (N, 3, 6 + M), world, cm, of the material points that are seen."""
         corners, state = self.triangles[seen.triangle], seen.state
-        moved = np.zeros((len(corners), len(self.basis), 3))
+        basis = np.zeros((len(self.basis), len(corners), 3))
         for c in range(3):
-            basis = self.basis[:, corners[:, c]].transpose(1, 0, 2)
-            moved += seen.weights[:, c, None, None] * basis
-        moved = (moved @ state.rotation.T).transpose(0, 2, 1)
-        arm = seen.position - state.translation
-        turn = np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=-1)
-        shift = np.broadcast_to(np.eye(3), (len(corners), 3, 3))
-        return np.concatenate([turn, shift, moved], axis=2)
+            basis += seen.weights[:, c, None] * self.basis[:, corners[:, c]]
+        return state.motion((seen.position - state.translation) @ state.rotation, basis)
 
 
 def _image_slope(normals: np.ndarray, pixel: np.ndarray, axis: int) -> np.ndarray:

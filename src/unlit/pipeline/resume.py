@@ -24,7 +24,7 @@ _LEAST_LIGHT = 1e-8
 #: Settings of the steps before the stages, which are not done again. What `cast_shadow` says of
 #: the result's shading goes with them.
 _KEPT = (
-    *("resolution", "head_model", "landmark_fit", "shading_fit", "light_color"),
+    *("resolution", "head_model", "landmark_fit", "outline_fit", "shading_fit", "light_color"),
     *("light_color_estimate", "cast_shadow", "first_stage_iterations"),
 )
 

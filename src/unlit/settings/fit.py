@@ -101,3 +101,18 @@ class ShadingFit:
     joint_steps: Annotated[int, Meta(ge=0, le=1000)] = 4
     damping: Weight = 0.05
     directed: Share = 0.2
+
+
+@dataclass(frozen=True)
+class OutlineFit:
+    """How far the head's outline in the photo is trusted. Distances are pixels of a 512 x 512 crop.
+
+    reach: how far from the mesh's outline the photo's is looked for.
+    deviation: standard deviation of its place; huber: residuals beyond this count linearly.
+    independent: length along it that is worth one independent measurement.
+    """
+
+    reach: Positive = 40.0
+    deviation: Positive = 4.0
+    huber: Positive = 8.0
+    independent: Positive = 43.0

@@ -16,7 +16,7 @@ from msgspec import Meta, ValidationError
 
 from ..errors import SettingsError
 from .conditions import AUTO, CastShadow, KnownExposure, LightColorEstimate, LightColorRequest
-from .fit import LandmarkFit, ShadingFit
+from .fit import LandmarkFit, OutlineFit, ShadingFit
 from .ranges import Count, Positive, Share, Weight, converted, expected, is_table
 from .table1 import TABLE_1, Stage
 
@@ -59,6 +59,7 @@ class Settings:
     #: Head model that is fitted: makehuman, one that was added, or an .npz file.
     head_model: str = "makehuman"
     landmark_fit: LandmarkFit = field(default_factory=LandmarkFit)
+    outline_fit: OutlineFit = field(default_factory=OutlineFit)
     shading_fit: ShadingFit = field(default_factory=ShadingFit)
 
     #: Colour of the light: white, auto, 2700K, a grey card's pixel X,Y, R,G,B or #rrggbb.

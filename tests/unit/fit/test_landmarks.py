@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from unlit.errors import FaceError
-from unlit.fit.landmarks import LandmarkProblem, State
+from unlit.fit.landmarks import LandmarkProblem
+from unlit.fit.state import State
 from unlit.head.contact import LOWER_RIM, UPPER_RIM
 from unlit.head.landmark_error import NO_ERROR, shipped_error
 from unlit.head.sources.makehuman_learnt import shipped_prior

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from unlit.fit.landmarks import LandmarkProblem, State
+from unlit.fit.landmarks import LandmarkProblem
 from unlit.fit.shading import ShadingProblem
 from unlit.fit.shape_jacobian import SeenPixels, ShapeJacobian
+from unlit.fit.state import State
 from unlit.head.landmark_error import NO_ERROR
 from unlit.head.model import HeadModel
 from unlit.machine.runtime import mitsuba

@@ -1,0 +1,180 @@
+"""The head's outline in the photo pulls the mesh's.
+
+Landmarks end at the face's oval. Where skin ends against the background (of face, ears, neck or a
+bald scalp; not where hair, a beard or cloth hides the head's own outline) the photo shows how wide
+the head is. Points along the mesh's outline look across it for that border; what they miss by is a
+residual of the fit, across the outline. An outline slides over the surface as the head moves, which
+changes its place in the second order only, so the point of the surface stands for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy import ndimage
+
+from ..head.model import HeadModel
+from ..machine.runtime import mitsuba
+from ..perception.parser import CLASSES
+from ..perception.regions import Regions
+from ..scene.arrays import device
+from ..scene.camera import Camera
+from ..scene.mesh import Mesh
+from ..settings.fit import OutlineFit
+from .state import STATED_RESOLUTION, State, camera_motion
+
+mi = mitsuba()
+
+_SIZE = 256  # pixels a side, at most, of what the outlines are compared in
+_SPACING = 6.5  # of the points along the mesh's outline, pixels of 512
+_STEP = 0.5  # of the search across it, pixels
+_BLUR = 3.0  # of the mesh's outline, for the direction across it, pixels of 512
+_BESIDE = 6.0  # where skin and background have to be sure, to both sides of a border
+_SURE_SKIN, _SURE_BACKGROUND, _NO_HAIR = 0.8, 0.6, 0.25
+_ALIKE = 0.6  # least cosine between the directions across the two outlines
+_FEWEST = 10  # points below which nothing is said
+
+
+@dataclass(frozen=True)
+class Border:
+    """N points of the mesh's outline that have found the photo's.
+
+    triangle: (N,), weights: (N, 3), barycentric: the points on the mesh. across: (N, 2) unit, image
+    frame, outwards. distance: (N,) pixels, from the mesh's outline outwards to the photo's.
+    """
+
+    triangle: np.ndarray
+    weights: np.ndarray
+    across: np.ndarray
+    distance: np.ndarray
+
+
+class Outline:
+    """Of one photo: where its skin ends against the background, and what that says of a head.
+
+    regions: of the photo, with the parser's shares; camera: of the photo.
+    """
+
+    def __init__(
+        self, model: HeadModel, camera: Camera, regions: Regions, settings: OutlineFit
+    ) -> None:
+        assert regions.shares is not None
+        size = min(camera.height, _SIZE)
+        scale = size / camera.height
+        self.camera = Camera(size, size, camera.focal * scale, camera.cx * scale, camera.cy * scale)
+        self.model, self.settings = model, settings
+        self.pixel = size / STATED_RESOLUTION
+        self.face = cv2.resize(regions.face, (size, size), interpolation=cv2.INTER_AREA)
+        self.background, self.hair = (
+            cv2.resize(
+                regions.shares[..., [CLASSES.index(name) for name in names]].sum(axis=-1),
+                (size, size),
+                interpolation=cv2.INTER_LINEAR,
+            )
+            for names in (["background"], ["hair", "beard", "hand", "frame"])
+        )
+        self.slope = _slope(self.face, _BLUR * self.pixel)
+        self.basis = np.concatenate([model.identity, model.expression])
+        self.open = _near_rim(model.triangles, len(model.neutral))
+        self.mesh: Mesh | None = None
+
+    def equations(self, state: State) -> tuple[np.ndarray, np.ndarray, float]:
+        """Gauss-Newton matrix and gradient in a step's unknowns, and the cost."""
+        count = 6 + len(self.basis)
+        local = self.model.vertices(state.identity, state.expression)
+        found = self.border(state.placed(local))
+        if len(found.distance) < _FEWEST:
+            return np.zeros((count, count)), np.zeros(count), 0.0
+        corners = self.model.triangles[found.triangle]
+        point = np.einsum("nc,ncx->nx", found.weights, local[corners])
+        basis = np.zeros((len(self.basis), *point.shape))
+        for c in range(3):
+            basis += found.weights[:, c, None] * self.basis[:, corners[:, c]]
+        moves = camera_motion(self.camera, state.placed(point), state.motion(point, basis))
+        rows = np.einsum("ni,nik->nk", found.across, moves)
+        error = -found.distance / self.pixel
+        rows /= self.pixel
+        size = np.maximum(np.abs(error), 1e-9)
+        huber = np.minimum(1, self.settings.huber / size)
+        weight = _SPACING / self.settings.independent * huber / self.settings.deviation**2
+        cost = 0.5 * np.sum(weight * (2 - huber) * error**2)
+        return (rows * weight[:, None]).T @ rows, rows.T @ (weight * error), float(cost)
+
+    def border(self, vertices: np.ndarray) -> Border:
+        """Which points of the outline of the mesh at `vertices` (V, 3), world, find the photo's."""
+        triangle, inner, across = self._mesh_outline(vertices)
+        edge = inner + 0.5 + 0.5 * across  # half a pixel out of the centre of the last one covered
+        reach = self.settings.reach * self.pixel
+        steps = np.arange(-reach, reach + _STEP, _STEP)
+        skin = _at(self.face, edge[:, None] + steps[:, None] * across[:, None])
+        before, after = skin[:, :-1], skin[:, 1:]
+        ends = (before >= 0.5) & (after < 0.5)
+        place = steps[:-1] + _STEP * (before - 0.5) / np.maximum(before - after, 1e-6)
+        nearest = np.argmin(np.where(ends, np.abs(place), np.inf), axis=1)
+        distance = np.take_along_axis(place, nearest[:, None], axis=1)[:, 0]
+        border = edge + distance[:, None] * across
+        beside = _BESIDE * self.pixel
+        slope = np.stack([_at(part, border) for part in self.slope], axis=1)
+        alike = -np.sum(slope * across, axis=1) > _ALIKE * np.linalg.norm(slope, axis=1)
+        inside = ((border > beside) & (border < len(self.face) - beside)).all(axis=1)
+        found = ends.any(axis=1) & alike & inside
+        found &= _at(self.face, border - beside * across) > _SURE_SKIN
+        found &= _at(self.background, border + beside * across) > _SURE_BACKGROUND
+        found &= _at(self.hair, border + beside / 3 * across) < _NO_HAIR
+        weights = self._weights(vertices, inner[found], triangle[found])
+        return Border(triangle[found], weights, across[found], distance[found])
+
+    def _mesh_outline(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Some pixels along the outline: triangles (N,), columns and rows (N, 2), across (N, 2)."""
+        vertices = vertices.astype(np.float32)
+        if self.mesh is None:
+            self.mesh = Mesh(vertices, self.model.triangles)
+        else:
+            self.mesh.set_vertices(device(mi.Point3f, vertices))
+        size = self.camera.width
+        hits = self.mesh.camera_hits(self.camera)
+        seen = np.full(size * size, -1)
+        seen[hits.pixel.numpy()] = hits.triangle.numpy()
+        seen = seen.reshape(size, size)
+        covered = (seen >= 0).astype(np.float32)
+        rows, columns = np.nonzero(covered > cv2.erode(covered, np.ones((3, 3))))
+        kept = ~self.open[self.model.triangles[seen[rows, columns]]].any(axis=1)
+        kept &= np.minimum(rows, columns) > 1
+        kept &= np.maximum(rows, columns) < size - 2
+        chosen = np.flatnonzero(kept)[:: max(1, round(_SPACING * self.pixel))]
+        rows, columns = rows[chosen], columns[chosen]
+        across = -np.stack([part[rows, columns] for part in _slope(covered, _BLUR * self.pixel)], 1)
+        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+        return seen[rows, columns], np.stack([columns, rows], axis=1), across
+
+    def _weights(self, vertices: np.ndarray, pixel: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+        """Barycentric weights (N, 3) of the pixels' centres (N, 2) on the triangles seen there."""
+        a, b, c = np.moveaxis(vertices[self.model.triangles[triangle]], 1, 0)
+        ray = self.camera.unproject(pixel + 0.5, 1.0)
+        volumes = [np.sum(ray * np.cross(*pair), axis=1) for pair in ((b, c), (c, a), (a, b))]
+        return np.stack(volumes, axis=1) / np.sum(volumes, axis=0)[:, None]
+
+
+def _slope(image: np.ndarray, blur: float) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives (S, S) of the blurred image, towards the right and down."""
+    down, right = np.gradient(cv2.GaussianBlur(image, (0, 0), blur))
+    return right, down
+
+
+def _at(image: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Values (...) of (S, S) at points (..., 2), x and y in pixels, between pixels linear."""
+    place = np.moveaxis(points[..., ::-1] - 0.5, -1, 0)
+    return ndimage.map_coordinates(image, place, order=1, mode="nearest")
+
+
+def _near_rim(triangles: np.ndarray, count: int) -> np.ndarray:
+    """(count,) bool: vertices at a hole of the mesh, as the neck's end, and their neighbours'."""
+    edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    unique, uses = np.unique(edges, axis=0, return_counts=True)
+    rim = np.zeros(count, bool)
+    rim[unique[uses == 1]] = True
+    for _ in range(2):
+        rim[triangles[rim[triangles].any(axis=1)]] = True
+    return rim
