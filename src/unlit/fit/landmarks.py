@@ -1,4 +1,4 @@
-"""Fit the head model's pose, identity and expression to dense landmarks.
+"""Fit the head model's pose, identity and expression to dense landmarks and the head's outline.
 
 The landmarker's points lie some 3 % of the eye distance beside the true ones, and neighbours err
 together, so 478 of them are worth only a few independent measurements. The fit therefore trusts
@@ -36,6 +36,7 @@ from ..perception.topology import (
 from ..scene.camera import Camera
 from ..settings.fit import LandmarkFit
 from .outline import Outline
+from .registration import registered
 from .state import STATED_RESOLUTION, State, camera_motion
 
 # Midline from the root of the nose to the chin, and the nose's wings and base.
@@ -48,10 +49,12 @@ _GAPS = (*LIP_GAP, *RIGHT_LID_GAP, *LEFT_LID_GAP)
 class HeadFit:
     """A head model placed before a camera.
 
-    state: where and what it is; identity and expression rounded to float32.
-    vertices: (V, 3) float32, world frame (scene/camera.py), cm.
+    state: where and what the model is; identity and expression rounded to float32.
+    vertices: (V, 3) float32, world frame (scene/camera.py), cm: the model's, with lips and lids
+        drawn to their landmarks, out of the eyeballs, and sealed.
     landmarks: (478, 2) pixels, the detected ones without the landmarker's mean error.
-    landmark_residual: mean distance between them and the model, in eye distances.
+    landmark_residual: mean distance between them and the model, in eye distances, before lips and
+        lids are drawn to them.
     """
 
     state: State
@@ -102,11 +105,13 @@ class LandmarkProblem:
         self.neutral = carried(model.neutral[None])[0]  # (L, 3)
         self.basis = np.concatenate([carried(model.identity), carried(model.expression)])
         self.frames, self.weights = self._trust()
-        #: Share of the weight that is left of the landmarks for the light on them.
-        self.lit_share = 1.0
+        #: Factors (478,) on the landmarks' weights for the light on them, and the share that is
+        #: left of the weights together.
+        self.light, self.lit_share = np.ones(LANDMARKS), 1.0
         if image is not None:
             whole = self.weights.sum()
-            self.weights = self.weights * self._light_weight(image)[:, None]
+            self.light[self.used] = self._light_weight(image)
+            self.weights = self.weights * self.light[self.used, None]
             self.lit_share = float(self.weights.sum() / whole)
         place = {int(landmark): index for index, landmark in enumerate(self.used)}
         gaps = [pair for pair in _GAPS if pair[0] in place and pair[1] in place]
@@ -171,7 +176,7 @@ class LandmarkProblem:
         return self.fit(state, mouth_closed)
 
     def step(self, state: State, free: slice, deviation: float | None = None) -> State:
-        """One Gauss-Newton step of the unknowns `free` on the landmarks and the prior.
+        """One Gauss-Newton step of the unknowns `free` on landmarks, outline and the prior.
 
         deviation: as for `equations`.
         """
@@ -206,7 +211,8 @@ class LandmarkProblem:
     def equations(
         self, state: State, deviation: float | None = None
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """Gauss-Newton matrix and gradient of the landmarks' cost in a step's unknowns; the cost.
+        """Gauss-Newton matrix and gradient of the cost in a step's unknowns, and the cost: of the
+        landmarks, and of the outline where there is one.
 
         deviation: of one landmark coordinate, pixels at 512; the settings' if not given.
         """
@@ -253,7 +259,8 @@ class LandmarkProblem:
         return upright @ np.array([[cos, -sin], [sin, cos]]) * self.camera.focal / -middle[2]
 
     def fit(self, state: State, mouth_closed: bool) -> HeadFit:
-        """The head at `state`: expression settled, lids outside the eyeballs, closed lips sealed.
+        """The head at `state`: expression settled, lips and lids at their landmarks, lids outside
+        the eyeballs, closed lips sealed.
 
         Raises FaceError when it is not in front of the camera.
         """
@@ -263,18 +270,23 @@ class LandmarkProblem:
         for _ in range(self.settings.iterations):
             state = self.step(state, expression, self.settings.last_deviation)
         shape = self.model.vertices(state.identity, state.expression)
+        modelled = self.posed(state, shape)
+        shape = registered(
+            *(self.model, self.camera, state, shape, modelled.landmarks, self.light),
+            self.settings.registration,
+        )
         shape = lids_outside_eyes(self.model, shape)
         middle, corners = LIP_GAP[1:6], (LIPS_INNER[0], LIPS_INNER[10])
         gap = relative_gap(self.landmarks[:, :2], middle, corners)
         if mouth_closed or gap < self.settings.closed:
             shape = seal_lips(self.model, shape)
-        return self.posed(state, shape)
+        return replace(self.posed(state, shape), landmark_residual=modelled.landmark_residual)
 
     def posed(self, state: State, shape: np.ndarray) -> HeadFit:
         """`shape` (V, 3), in the model's frame, in the pose of `state`, as a fit."""
-        vertices = shape @ state.rotation.T + state.translation
-        landmarks = self.landmarks[:, :2].copy()
+        vertices = state.placed(shape)
         world = self.model.landmarks(vertices)[self.used]
+        landmarks = self.landmarks[:, :2].copy()
         landmarks[self.used] -= self._expected(state.rotation, world)
         eyes = [landmarks[list(eye)].mean(axis=0) for eye in (RIGHT_EYE, LEFT_EYE)]
         distance = np.linalg.norm(self.camera.project(world) - landmarks[self.used], axis=-1)

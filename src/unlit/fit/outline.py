@@ -1,10 +1,11 @@
 """The head's outline in the photo pulls the mesh's.
 
 Landmarks end at the face's oval. Where skin ends against the background (of face, ears, neck or a
-bald scalp; not where hair, a beard or cloth hides the head's own outline) the photo shows how wide
-the head is. Points along the mesh's outline look across it for that border; what they miss by is a
-residual of the fit, across the outline. An outline slides over the surface as the head moves, which
-changes its place in the second order only, so the point of the surface stands for it.
+bald scalp; not where hair, a beard or a hand hides the head's own outline, nor against cloth or the
+photo's edge) the photo shows how wide the head is. Points along the mesh's outline look across it
+for that border; what they miss by is a residual of the fit, across the outline. An outline slides
+over the surface as the head moves, which changes its place in the second order only, so the point
+of the surface stands for it.
 """
 
 from __future__ import annotations
@@ -27,13 +28,12 @@ from .state import STATED_RESOLUTION, State, camera_motion
 
 mi = mitsuba()
 
-_SIZE = 256  # pixels a side, at most, of what the outlines are compared in
+_SIZE = 256  # pixels a side of what the outlines are compared in
 _SPACING = 6.5  # of the points along the mesh's outline, pixels of 512
 _STEP = 0.5  # of the search across it, pixels
 _BLUR = 3.0  # of the mesh's outline, for the direction across it, pixels of 512
 _BESIDE = 6.0  # where skin and background have to be sure, to both sides of a border
 _SURE_SKIN, _SURE_BACKGROUND, _NO_HAIR = 0.8, 0.6, 0.25
-_ALIKE = 0.6  # least cosine between the directions across the two outlines
 _FEWEST = 10  # points below which nothing is said
 
 
@@ -42,13 +42,15 @@ class Border:
     """N points of the mesh's outline that have found the photo's.
 
     triangle: (N,), weights: (N, 3), barycentric: the points on the mesh. across: (N, 2) unit, image
-    frame, outwards. distance: (N,) pixels, from the mesh's outline outwards to the photo's.
+    frame, outwards. distance: (N,) pixels, from the mesh's outline outwards to the photo's. lost:
+    number of further points in plain skin or plain background that have no border in reach.
     """
 
     triangle: np.ndarray
     weights: np.ndarray
     across: np.ndarray
     distance: np.ndarray
+    lost: int
 
 
 class Outline:
@@ -61,8 +63,7 @@ class Outline:
         self, model: HeadModel, camera: Camera, regions: Regions, settings: OutlineFit
     ) -> None:
         assert regions.shares is not None
-        size = min(camera.height, _SIZE)
-        scale = size / camera.height
+        size, scale = _SIZE, _SIZE / camera.height
         self.camera = Camera(size, size, camera.focal * scale, camera.cx * scale, camera.cy * scale)
         self.model, self.settings = model, settings
         self.pixel = size / STATED_RESOLUTION
@@ -75,14 +76,17 @@ class Outline:
             )
             for names in (["background"], ["hair", "beard", "hand", "frame"])
         )
-        self.slope = _slope(self.face, _BLUR * self.pixel)
         self.basis = np.concatenate([model.identity, model.expression])
         self.open = _near_rim(model.triangles, len(model.neutral))
         self.mesh: Mesh | None = None
 
     def equations(self, state: State) -> tuple[np.ndarray, np.ndarray, float]:
-        """Gauss-Newton matrix and gradient in a step's unknowns, and the cost."""
-        count = 6 + len(self.basis)
+        """Gauss-Newton matrix and gradient in a step's unknowns, and the cost.
+
+        Lost points pull nowhere, but cost what the farthest cost: else a head beside the photo's
+        would be the likeliest.
+        """
+        settings, count = self.settings, 6 + len(self.basis)
         local = self.model.vertices(state.identity, state.expression)
         found = self.border(state.placed(local))
         if len(found.distance) < _FEWEST:
@@ -97,9 +101,11 @@ class Outline:
         error = -found.distance / self.pixel
         rows /= self.pixel
         size = np.maximum(np.abs(error), 1e-9)
-        huber = np.minimum(1, self.settings.huber / size)
-        weight = _SPACING / self.settings.independent * huber / self.settings.deviation**2
+        each = _SPACING / settings.independent / settings.deviation**2
+        huber = np.minimum(1, settings.huber / size)
+        weight = each * huber
         cost = 0.5 * np.sum(weight * (2 - huber) * error**2)
+        cost += each * found.lost * settings.huber * (settings.reach - 0.5 * settings.huber)
         return (rows * weight[:, None]).T @ rows, rows.T @ (weight * error), float(cost)
 
     def border(self, vertices: np.ndarray) -> Border:
@@ -116,15 +122,18 @@ class Outline:
         distance = np.take_along_axis(place, nearest[:, None], axis=1)[:, 0]
         border = edge + distance[:, None] * across
         beside = _BESIDE * self.pixel
-        slope = np.stack([_at(part, border) for part in self.slope], axis=1)
-        alike = -np.sum(slope * across, axis=1) > _ALIKE * np.linalg.norm(slope, axis=1)
         inside = ((border > beside) & (border < len(self.face) - beside)).all(axis=1)
-        found = ends.any(axis=1) & alike & inside
+        near = ends.any(axis=1)
+        found = near & inside
         found &= _at(self.face, border - beside * across) > _SURE_SKIN
         found &= _at(self.background, border + beside * across) > _SURE_BACKGROUND
         found &= _at(self.hair, border + beside / 3 * across) < _NO_HAIR
+        plain = (_at(self.face, edge) > _SURE_SKIN) | (
+            _at(self.background, edge) > _SURE_BACKGROUND
+        )
         weights = self._weights(vertices, inner[found], triangle[found])
-        return Border(triangle[found], weights, across[found], distance[found])
+        lost = int((plain & ~near).sum())
+        return Border(triangle[found], weights, across[found], distance[found], lost)
 
     def _mesh_outline(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Some pixels along the outline: triangles (N,), columns and rows (N, 2), across (N, 2)."""
@@ -139,12 +148,10 @@ class Outline:
         seen[hits.pixel.numpy()] = hits.triangle.numpy()
         seen = seen.reshape(size, size)
         covered = (seen >= 0).astype(np.float32)
-        rows, columns = np.nonzero(covered > cv2.erode(covered, np.ones((3, 3))))
+        rows, columns = _along(covered, _SPACING * self.pixel)
         kept = ~self.open[self.model.triangles[seen[rows, columns]]].any(axis=1)
-        kept &= np.minimum(rows, columns) > 1
-        kept &= np.maximum(rows, columns) < size - 2
-        chosen = np.flatnonzero(kept)[:: max(1, round(_SPACING * self.pixel))]
-        rows, columns = rows[chosen], columns[chosen]
+        kept &= (np.minimum(rows, columns) > 1) & (np.maximum(rows, columns) < size - 2)
+        rows, columns = rows[kept], columns[kept]
         across = -np.stack([part[rows, columns] for part in _slope(covered, _BLUR * self.pixel)], 1)
         across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
         return seen[rows, columns], np.stack([columns, rows], axis=1), across
@@ -155,6 +162,19 @@ class Outline:
         ray = self.camera.unproject(pixel + 0.5, 1.0)
         volumes = [np.sum(ray * np.cross(*pair), axis=1) for pair in ((b, c), (c, a), (a, b))]
         return np.stack(volumes, axis=1) / np.sum(volumes, axis=0)[:, None]
+
+
+def _along(covered: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns (N,) of pixels at the edge of what is covered, evenly `spacing` apart."""
+    contours, _ = cv2.findContours(
+        covered.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
+    )
+    chosen: list[np.ndarray] = [np.zeros((0, 2), np.int32)]
+    for contour in (c[:, 0] for c in contours):
+        length = np.cumsum(np.linalg.norm(np.diff(contour, axis=0, prepend=contour[-1:]), axis=1))
+        chosen.append(contour[np.unique(length // spacing, return_index=True)[1]])
+    columns, rows = np.concatenate(chosen).T
+    return rows, columns
 
 
 def _slope(image: np.ndarray, blur: float) -> tuple[np.ndarray, np.ndarray]:

@@ -141,7 +141,7 @@ class ShadingProblem:
         )
 
     def cost(self, state: State, photometric: float) -> float:
-        """All that is minimised: `photometric`, the landmarks' cost and the prior's."""
+        """All that is minimised: `photometric`, the landmarks' and outline's cost, the prior's."""
         precision, current = self.prior(state)[:2]
         of_landmarks = self.problem.equations(state)[2]
         return photometric + of_landmarks + 0.5 * float(precision @ current**2)

@@ -76,7 +76,7 @@ class Regions:
         with eyelids and stubble; hair, a beard, glasses, clothes and hands are background; eyes
         are the visible eyeballs; mouth is teeth, tongue and the dark between open lips.
     shares: (192, 192, 13) float32 in [0, 1], of each of `parser.CLASSES`, on a coarser grid over
-        the same crop; None where no parser was asked.
+        the same crop, 0 beyond the photo's edge; None where no parser was asked.
     """
 
     weights: np.ndarray
@@ -158,7 +158,8 @@ def segment(
         rest = rest * (1 - region)
     weights[..., 0] = rest
     weights[..., 5] = 1 - visible
-    return Regions(weights, shares)
+    within = cv2.resize(inside.astype(np.float32), shares.shape[:2], interpolation=cv2.INTER_AREA)
+    return Regions(weights, shares * within[..., None])
 
 
 def _visible_face(

@@ -2,13 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from msgspec import Meta
 
 from ..errors import SettingsError
 from .ranges import Count, Positive, Share, Weight
+
+
+@dataclass(frozen=True)
+class Registration:
+    """How lips and lids are drawn to their landmarks after the fit (fit/registration.py).
+
+    deviation: standard deviation of the field that moves the surface, cm; 0: lips and lids stay.
+    length: distance along the surface over which it hardly correlates any more, cm.
+    across, along: standard deviation of a landmark across and along its contour, pixels at 512;
+    shared: how many neighbours err together.
+    """
+
+    deviation: Weight = 0.3
+    length: Positive = 2.0
+    across: Positive = 2.5
+    along: Positive = 6.0
+    shared: Positive = 4.0
 
 
 @dataclass(frozen=True)
@@ -33,6 +50,7 @@ class LandmarkFit:
     dim: light on a landmark, as a share of that on the face's lit part, below which it counts as
         dark, and above which it has its full weight.
     light_blur: standard deviation of the Gaussian that the light is averaged with.
+    registration: of lips and lids, after the fit.
     """
 
     contour_weight: Weight = 1.0
@@ -49,6 +67,7 @@ class LandmarkFit:
     dark_weight: Share = 0.03
     dim: tuple[Positive, Positive] = (0.1, 0.4)
     light_blur: Annotated[float, Meta(ge=0, le=512)] = 6.0
+    registration: Registration = field(default_factory=Registration)
 
     def __post_init__(self) -> None:
         if not self.dim[0] < self.dim[1]:
@@ -112,7 +131,7 @@ class OutlineFit:
     independent: length along it that is worth one independent measurement.
     """
 
-    reach: Positive = 40.0
+    reach: Annotated[float, Meta(gt=0, le=256)] = 40.0
     deviation: Positive = 4.0
     huber: Positive = 8.0
-    independent: Positive = 43.0
+    independent: Positive = 32.0

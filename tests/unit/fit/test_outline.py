@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from unlit.fit.landmarks import LandmarkProblem
-from unlit.fit.outline import Outline
+from unlit.fit.landmarks import HeadFit, LandmarkProblem
+from unlit.fit.outline import Outline, _along
 from unlit.fit.state import State
 from unlit.head.landmark_error import NO_ERROR
 from unlit.head.model import HeadModel
@@ -61,6 +61,14 @@ def seen(
 
 def outline(head: HeadModel, regions: Regions, settings: OutlineFit | None = None) -> Outline:
     return Outline(head, CAMERA, regions, settings or OutlineFit())
+
+
+def found_rows(head: HeadModel, state: State, about: Outline) -> np.ndarray:
+    """Rows of the picture at which points of the true head's outline have found a border."""
+    vertices = vertices_at(head, state)
+    border = about.border(vertices)
+    corners = vertices[head.triangles[border.triangle]]
+    return CAMERA.project(np.einsum("nc,ncx->nx", border.weights, corners))[:, 1]
 
 
 def test_the_true_head_has_no_error(head: HeadModel) -> None:
@@ -114,13 +122,80 @@ def test_gradient_is_how_the_points_move(head: HeadModel) -> None:
 def test_what_hides_the_skin_is_no_outline(head: HeadModel, covered: str) -> None:
     """Where hair or cloth ends, and where it meets skin, the head need not."""
     state = person(head)
-    vertices = vertices_at(head, state)
     about = outline(head, seen(head, state, covered, above=128))
-    border = about.border(vertices)
-    corners = vertices[head.triangles[border.triangle]]
-    rows = CAMERA.project(np.einsum("nc,ncx->nx", border.weights, corners))[:, 1]
+    rows = found_rows(head, state, about)
     assert len(rows) > 20 and rows.min() > 126
+
+
+def test_a_thin_band_of_hair_is_no_background(head: HeadModel) -> None:
+    """Short hair, three pixels of it between scalp and wall."""
+    state = person(head)
+    regions = seen(head, state)
+    assert regions.shares is not None
+    skin = regions.shares[..., CLASSES.index("skin")]
+    band = (cv2.dilate(skin, np.ones((7, 7))) > 0.5) & (skin < 0.5)
+    band[96:] = False
+    regions.shares[band] = 0
+    regions.shares[band, CLASSES.index("hair")] = 1
+    assert found_rows(head, state, outline(head, regions)).min() > 120
+
+
+def test_unsure_skin_is_no_outline(head: HeadModel) -> None:
+    state = person(head)
+    regions = seen(head, state)
+    unsure = np.where(np.arange(SIZE)[:, None, None] < 128, 0.7, 1).astype(np.float32)
+    weights = regions.weights * unsure
+    weights[..., 5] += 1 - weights.sum(axis=2)
+    rows = found_rows(head, state, outline(head, replace(regions, weights=weights)))
+    assert len(rows) > 20 and rows.min() > 122
+
+
+def test_the_photos_edge_is_no_outline(head: HeadModel) -> None:
+    """A head cut by the photo's edge: skin ends there, and the parser has seen nothing beyond."""
+    state = person(head)
+    regions = seen(head, state)
+    assert regions.shares is not None
+    cut = 80
+    regions.shares[:, : cut * 192 // SIZE] = 0
+    weights = regions.weights.copy()
+    weights[:, :cut] = (0, 0, 0, 0, 0, 1)
+    about = outline(head, replace(regions, weights=weights))
+    border = about.border(vertices_at(head, state))
+    assert len(border.distance) > 30
     assert np.abs(border.distance).max() < 3
+
+
+def test_a_head_that_is_lost_costs_most(head: HeadModel) -> None:
+    """The farther beside the photo's, the dearer, though fewer points find a border."""
+    state = person(head)
+    about = outline(head, seen(head, state))
+    costs = [
+        about.equations(replace(state, translation=np.add(state.translation, (shift, 0, 0))))[2]
+        for shift in (0, 0.5, 1, 2, 3, 5)
+    ]
+    assert (np.diff(costs) > 0).all()
+
+
+def test_points_are_evenly_apart(head: HeadModel) -> None:
+    """On a disc: its length over the spacing, straight or diagonal."""
+    rows, columns = np.indices((SIZE, SIZE)) - 128
+    disc = (np.hypot(rows, columns) < 90).astype(np.float32)
+    found = np.stack(_along(disc, 4.0), axis=1)
+    assert len(found) == pytest.approx(2 * np.pi * 90 / 4, rel=0.08)
+    steps = np.linalg.norm(np.diff(found, axis=0), axis=1)
+    assert steps.min() > 2 and steps.max() < 6
+
+
+def test_huber_holds_what_is_far(head: HeadModel) -> None:
+    """With errors beyond it the gradient no longer grows with them."""
+    state = person(head)
+    about = outline(head, seen(head, state), OutlineFit(huber=2.0, deviation=1.0))
+    gradients = [
+        about.equations(replace(state, translation=np.add(state.translation, (x, 0, 0))))[1][3]
+        for x in (0.03, 0.8, 1.2)
+    ]
+    assert gradients[1] > 2 * gradients[0]
+    assert gradients[2] == pytest.approx(gradients[1], rel=0.25)
 
 
 def test_without_background_nothing_is_said(head: HeadModel) -> None:
@@ -142,7 +217,7 @@ def test_the_fit_takes_the_width_of_the_head(head: HeadModel) -> None:
     without = LandmarkProblem(*known).solve()
     pulled = LandmarkProblem(*known, outline=about).solve()
 
-    def missed(fit: object) -> float:
+    def missed(fit: HeadFit) -> float:
         return float(np.abs(about.border(fit.vertices).distance).mean())
 
     assert missed(pulled) < 0.5 * missed(without)
@@ -162,3 +237,6 @@ def test_a_large_crop_is_compared_small(head: HeadModel) -> None:
     camera = replace(CAMERA, width=512, height=512, focal=2 * CAMERA.focal, cx=256, cy=256)
     large = Outline(head, camera, seen(head, state, size=512), OutlineFit()).equations(start)
     assert large[2] == pytest.approx(small[2], rel=0.1)
+    scale = np.abs(small[1]).max()
+    assert np.abs(large[1] - small[1]).max() < 0.1 * scale
+    assert np.abs(large[0] - small[0]).max() < 0.1 * np.abs(small[0]).max()
