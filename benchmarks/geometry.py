@@ -54,7 +54,7 @@ from unlit.face.conditions import Conditions
 from unlit.face.face import PosedMesh
 from unlit.face.head import FittedHead
 from unlit.face.photo import FacePhoto
-from unlit.fit.head import seen_outline
+from unlit.fit.head import landmark_problem
 from unlit.fit.landmarks import HeadFit, LandmarkProblem
 from unlit.fit.shading import ShadingProblem
 from unlit.head.landmark_error import NO_ERROR
@@ -67,7 +67,7 @@ from unlit.photo.photo import Photo
 from unlit.pipeline.chain import Steps, run_chain
 from unlit.pipeline.observe import observe
 from unlit.render.relighter import Relighter
-from unlit.settings.fit import LandmarkFit, OutlineFit, ShadingFit
+from unlit.settings.fit import LandmarkFit, ShadingFit
 from unlit.settings.settings import PRESETS, Settings
 from unlit.storage.folder import write_one
 from unlit.storage.keys import key
@@ -253,18 +253,12 @@ def tight_fit(model: HeadModel, photo: FacePhoto) -> HeadFit:
 
 def landmark_fit(model: HeadModel, photo: FacePhoto) -> HeadFit:
     """To the landmarks and the outline, as `shading_fit` starts."""
-    return _with_outline(model, photo).solve(_closed(photo))
-
-
-def _with_outline(model: HeadModel, photo: FacePhoto) -> LandmarkProblem:
-    outline = seen_outline(photo, model, OutlineFit())
-    known = (model, photo.landmarks, photo.camera, LandmarkFit())
-    return LandmarkProblem(*known, image=photo.image, outline=outline)
+    return landmark_problem(photo, model, STAGES).solve(_closed(photo))
 
 
 def shading_fit(model: HeadModel, photo: FacePhoto) -> HeadFit:
     """What `unlit reconstruct` does."""
-    problem = _with_outline(model, photo)
+    problem = landmark_problem(photo, model, STAGES)
     closed = _closed(photo)
     shading = ShadingProblem(problem, photo.image, photo.regions, ShadingFit())
     return shading.solve(problem.solve(closed), closed)

@@ -24,6 +24,7 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
+from unlit.head.basis import on_rim
 from unlit.head.model import VERTEX_REGIONS, HeadModel
 from unlit.head.procrustes import procrustes
 from unlit.head.sources.makehuman import ASSET, build, inner_product_weights
@@ -146,10 +147,7 @@ def identities(ict: Path, count: int = _IDENTITIES) -> Iterator[Surface]:
         triangles = arrays["triangles"].astype(int)
         corners = arrays["landmarks_multipie68"].astype(int)[list(MULTI_PIE_LANDMARKS)]
     triangles = triangles[(triangles < _ICT_SKIN).all(axis=1)]
-    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges, uses = np.unique(sides, axis=0, return_counts=True)
-    rim = np.zeros(_ICT_SKIN, dtype=bool)
-    rim[edges[uses == 1]] = True
+    rim = on_rim(triangles, _ICT_SKIN)
     rng = np.random.default_rng(1)
     for _ in range(count):
         drawn = rng.standard_normal(len(identity)).astype(np.float32)

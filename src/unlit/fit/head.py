@@ -8,7 +8,6 @@ from ..face.face import PosedMesh
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
 from ..head.model import HeadModel
-from ..settings.fit import OutlineFit
 from ..settings.settings import Settings
 from .landmarks import LandmarkProblem
 from .outline import Outline
@@ -18,11 +17,7 @@ from .shading import ShadingProblem
 def fit_head(photo: FacePhoto, model: HeadModel, settings: Settings) -> FittedHead:
     """`model` fitted to the photo (paper, section 2.1). Raises FaceError."""
     closed = bool(photo.regions.mouth.max() < 0.5)
-    problem = LandmarkProblem(
-        *(model, photo.landmarks, photo.camera, settings.landmark_fit),
-        image=photo.image,
-        outline=seen_outline(photo, model, settings.outline_fit),
-    )
+    problem = landmark_problem(photo, model, settings)
     with threadpool_limits(1, user_api="blas"):
         shading = ShadingProblem(problem, photo.image, photo.regions, settings.shading_fit)
         fit = shading.solve(problem.solve(closed), closed)
@@ -35,8 +30,13 @@ def fit_head(photo: FacePhoto, model: HeadModel, settings: Settings) -> FittedHe
     )
 
 
-def seen_outline(photo: FacePhoto, model: HeadModel, settings: OutlineFit) -> Outline | None:
-    """The photo's outline for the fit; None where no parser has told skin from background."""
-    if photo.regions.shares is None:
-        return None
-    return Outline(model, photo.camera, photo.regions, settings)
+def landmark_problem(photo: FacePhoto, model: HeadModel, settings: Settings) -> LandmarkProblem:
+    """Of the photo's landmarks, and of its outline where the parser has told skin from background.
+
+    Raises FaceError.
+    """
+    outline = None
+    if photo.regions.shares is not None:
+        outline = Outline(model, photo.camera, photo.regions, settings.outline_fit)
+    known = (model, photo.landmarks, photo.camera, settings.landmark_fit)
+    return LandmarkProblem(*known, image=photo.image, outline=outline)

@@ -22,6 +22,7 @@ from ..head.contact import lids_outside_eyes, seal_lips
 from ..head.landmark_error import LandmarkError, shipped_error
 from ..head.model import LANDMARKS, HeadModel
 from ..head.procrustes import procrustes
+from ..perception.measures import tangents
 from ..perception.mouth import relative_gap
 from ..perception.topology import (
     FACE_OVAL,
@@ -125,9 +126,7 @@ class LandmarkProblem:
         for contour in (LIPS_OUTER, LIPS_INNER, RIGHT_EYE, LEFT_EYE, NOSE_AND_MIDLINE):
             weights[list(contour)] = settings.contour_weight
         oval = list(FACE_OVAL)
-        outline = self.landmarks[oval, :2]
-        along = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
-        along /= np.maximum(np.linalg.norm(along, axis=-1, keepdims=True), 1e-9)
+        along = tangents(self.landmarks[oval, :2])
         frames[oval] = np.stack([along, along[:, ::-1] * (-1, 1)], axis=1)
         weights[oval] = settings.oval_weight * np.array([settings.oval_tangential**2, 1.0])
         return frames[self.used], weights[self.used]

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
+from ..head.basis import on_rim
 from ..head.model import HeadModel
 from ..machine.runtime import mitsuba
 from ..perception.parser import CLASSES
@@ -24,7 +25,7 @@ from ..scene.arrays import device
 from ..scene.camera import Camera
 from ..scene.mesh import Mesh
 from ..settings.fit import OutlineFit
-from .state import STATED_RESOLUTION, State, camera_motion
+from .state import STATED_RESOLUTION, State, camera_motion, carried
 
 mi = mitsuba()
 
@@ -93,9 +94,7 @@ class Outline:
             return np.zeros((count, count)), np.zeros(count), 0.0
         corners = self.model.triangles[found.triangle]
         point = np.einsum("nc,ncx->nx", found.weights, local[corners])
-        basis = np.zeros((len(self.basis), *point.shape))
-        for c in range(3):
-            basis += found.weights[:, c, None] * self.basis[:, corners[:, c]]
+        basis = carried(self.basis, corners, found.weights)
         moves = camera_motion(self.camera, state.placed(point), state.motion(point, basis))
         rows = np.einsum("ni,nik->nk", found.across, moves)
         error = -found.distance / self.pixel
@@ -191,10 +190,7 @@ def _at(image: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 def _near_rim(triangles: np.ndarray, count: int) -> np.ndarray:
     """(count,) bool: vertices at a hole of the mesh, as the neck's end, and their neighbours'."""
-    edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    unique, uses = np.unique(edges, axis=0, return_counts=True)
-    rim = np.zeros(count, bool)
-    rim[unique[uses == 1]] = True
+    rim = on_rim(triangles, count)
     for _ in range(2):
         rim[triangles[rim[triangles].any(axis=1)]] = True
     return rim

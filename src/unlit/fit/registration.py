@@ -18,7 +18,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from ..head.basis import vertex_areas
 from ..head.model import HeadModel
+from ..perception.measures import tangents
 from ..perception.topology import LEFT_EYE, LIPS_INNER, LIPS_OUTER, RIGHT_EYE
 from ..scene.camera import Camera
 from ..settings.fit import Registration
@@ -75,10 +77,7 @@ def _directions(landmarks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Landmarks' numbers (N,) and the unit directions (N, 2) of their contours there."""
     found: dict[int, np.ndarray] = {}
     for contour in _CONTOURS:
-        place = landmarks[list(contour)]
-        along = np.roll(place, -1, axis=0) - np.roll(place, 1, axis=0)
-        along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
-        found |= dict(zip(contour, along, strict=True))
+        found |= dict(zip(contour, tangents(landmarks[list(contour)]), strict=True))
     return np.array(list(found)), np.array(list(found.values()))
 
 
@@ -88,7 +87,8 @@ def field_covariance(model: HeadModel, points: np.ndarray, settings: Registratio
     points: (N, V), weights of the vertices that make each of them.
     """
     kappa = np.sqrt(8) / settings.length
-    mass, stiffness = _surface(model.neutral.astype(np.float64), model.triangles)
+    mass = np.maximum(vertex_areas(model.neutral, model.triangles), 1e-6)
+    stiffness = _stiffness(model.neutral.astype(np.float64), model.triangles)
     matrix = (kappa**2 * sp.diags(mass) + stiffness).tocsc()
     symmetric = {"SymmetricMode": True}
     solver = splu(matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=0, options=symmetric)
@@ -96,15 +96,10 @@ def field_covariance(model: HeadModel, points: np.ndarray, settings: Registratio
     return 4 * np.pi * kappa**2 * settings.deviation**2 * solver.solve(mass[:, None] * half)
 
 
-def _surface(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, sp.csr_matrix]:
-    """Area of every vertex (V,), and the stiffness matrix (V, V) of the Laplacian (cotangents)."""
+def _stiffness(vertices: np.ndarray, triangles: np.ndarray) -> sp.csr_matrix:
+    """Stiffness matrix (V, V) of the surface's Laplacian, by cotangents."""
     count = len(vertices)
     rows, columns, values = [], [], []
-    corners = vertices[triangles]
-    area = 0.5 * np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
-    mass = np.bincount(triangles.ravel(), np.repeat(area / 3, 3), count)
     for k in range(3):
         i, j, opposite = (triangles[:, (k + s) % 3] for s in range(3))
         a, b = vertices[i] - vertices[opposite], vertices[j] - vertices[opposite]
@@ -115,5 +110,4 @@ def _surface(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, s
         columns += [j, i, i, j]
         values += [-weight, -weight, weight, weight]
     place = (np.concatenate(rows), np.concatenate(columns))
-    stiffness = sp.csr_matrix((np.concatenate(values), place), (count, count))
-    return np.maximum(mass, 1e-6), stiffness
+    return sp.csr_matrix((np.concatenate(values), place), (count, count))

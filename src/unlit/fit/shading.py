@@ -155,7 +155,7 @@ class ShadingProblem:
     def sample(self, state: State) -> _Sample | None:
         """The mesh at `state` and an even sample of the plain skin it shows; None without any."""
         local = self.model.vertices(state.identity, state.expression)
-        world = (local @ state.rotation.T + state.translation).astype(np.float32)
+        world = state.placed(local).astype(np.float32)
         if self.mesh is None:
             self.mesh = Mesh(world, self.model.triangles)
         else:

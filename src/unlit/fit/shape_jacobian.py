@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from ..head.model import HeadModel
 from ..scene.camera import Camera
-from .state import State, camera_motion
+from .state import State, camera_motion, carried
 
 #: Normals of neighbouring pixels that differ by more are of two surfaces, one behind the other.
 _CREASE = 0.5
@@ -104,9 +104,7 @@ class ShapeJacobian:
     def _moves(self, seen: SeenPixels) -> np.ndarray:
         """Motion (N, 3, 6 + M), world, cm, of the material points that are seen."""
         corners, state = self.triangles[seen.triangle], seen.state
-        basis = np.zeros((len(self.basis), len(corners), 3))
-        for c in range(3):
-            basis += seen.weights[:, c, None] * self.basis[:, corners[:, c]]
+        basis = carried(self.basis, corners, seen.weights)
         return state.motion((seen.position - state.translation) @ state.rotation, basis)
 
 

@@ -53,6 +53,17 @@ class State:
         return np.concatenate([turns, shifts, shapes], axis=2)
 
 
+def carried(basis: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Displacements (M, N, 3) of points from those of the vertices (M, V, 3).
+
+    corners: (N, 3), vertices around each point; weights: (N, 3), barycentric.
+    """
+    moved = np.zeros((len(basis), *corners.shape))
+    for c in range(3):
+        moved += weights[:, c, None] * basis[:, corners[:, c]]
+    return moved
+
+
 def camera_motion(camera: Camera, world: np.ndarray, moves: np.ndarray) -> np.ndarray:
     """Motion in the image (N, 2, K), pixels, of points (N, 3) that move by `moves` (N, 3, K)."""
     nearness = 1 / -world[:, 2, None]

@@ -16,6 +16,15 @@ def vertex_areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.bincount(triangles.ravel(), np.repeat(area, 3), minlength=len(vertices))
 
 
+def on_rim(triangles: np.ndarray, count: int) -> np.ndarray:
+    """(count,) bool: vertices at an edge that one triangle alone has, of a hole or of the end."""
+    edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    unique, uses = np.unique(edges, axis=0, return_counts=True)
+    rim = np.zeros(count, dtype=bool)
+    rim[unique[uses == 1]] = True
+    return rim
+
+
 def remove_similarity(axes: np.ndarray, neutral: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Take out of `axes` (J, V, 3) what moves, turns or scales the neutral (V, 3) as a whole.
 

@@ -15,6 +15,12 @@ _FOREHEAD = 0.3  # height of a forehead above the oval, of that of the face
 _DARK = 0.004  # linear floor under the logarithms, against noise
 
 
+def tangents(points: np.ndarray) -> np.ndarray:
+    """Unit directions (N, 2) along the closed contour through the points (N, 2), at each."""
+    along = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
+    return along / np.maximum(np.linalg.norm(along, axis=-1, keepdims=True), 1e-9)
+
+
 def smooth_contour(points: np.ndarray) -> np.ndarray:
     """Closed Catmull-Rom curve (N * 6, 2) through the points (N, 2)."""
     before, after, next_ = (np.roll(points, shift, axis=0) for shift in (1, -1, -2))

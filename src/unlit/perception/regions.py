@@ -237,6 +237,8 @@ def _dark_part(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
     oval = filled(landmarks, len(image), FACE_OVAL)
     seen = feather(luminance(np.maximum(image, 0)), _NOISE * size)
     dark = (seen < _DARK * np.percentile(seen[oval], 90)).astype(np.uint8)
+    if not dark[oval].any():
+        return np.zeros(oval.shape, np.float32)
     large = (cv2.morphologyEx(dark, cv2.MORPH_OPEN, disk(_DARK_WIDTH / 2 * size)) > 0) & oval
     return feather(large.astype(np.float32), _FEATHER * size)
 
