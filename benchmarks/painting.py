@@ -11,7 +11,7 @@ import numpy as np
 from scipy import ndimage
 
 from unlit.evaluate.truth import Truth, visible_surface
-from unlit.render.reference import path_trace
+from unlit.render.reference import face_body, trace
 from unlit.scene.camera import Camera
 from unlit.scene.maps import Maps
 from unlit.scene.mesh import Mesh
@@ -42,10 +42,13 @@ class Subject:
 
     def photograph(self, environment: np.ndarray, samples: int = 256, seed: int = 0) -> np.ndarray:
         """Path-traced image (H, W, 3), linear, with three inter-reflections of the face."""
+        return trace(self.bodies, self.camera, environment, samples, bounces=3, seed=seed)
+
+    @cached_property
+    def bodies(self) -> dict[str, Any]:
+        """The head as an object of a Mitsuba scene, by name."""
         mesh = Mesh(self.vertices, self.triangles)
-        return path_trace(
-            mesh, self.camera, self.maps, environment, samples=samples, bounces=3, seed=seed
-        )
+        return {"face": face_body(mesh, self.camera, self.maps)}
 
     def mesh(self) -> tuple[np.ndarray, np.ndarray]:
         """Vertices and triangles."""

@@ -112,7 +112,7 @@ class Scan:
 
     def photograph(self, environment: np.ndarray, samples: int = 256, seed: int = 0) -> np.ndarray:
         """Path-traced image (H, W, 3), linear, with three inter-reflections."""
-        return trace(self._bodies, self.camera, environment, samples, BOUNCES, seed)
+        return trace(self.bodies, self.camera, environment, samples, BOUNCES, seed)
 
     def mesh(self) -> tuple[np.ndarray, np.ndarray]:
         """Vertices (V, 3) and triangles (F, 3) of all parts together."""
@@ -125,12 +125,12 @@ class Scan:
     def truth(self) -> Truth:
         """What the camera sees, by 4 x 4 rays a pixel."""
         fine = _scaled(self.camera, _FINE * self.camera.width)
-        scene = mi.load_dict({"type": "scene", **self._bodies})
+        scene = mi.load_dict({"type": "scene", **self.bodies})
         rays = camera_rays(fine, dr.arange(mi.UInt32, fine.width * fine.height))
         si = scene.ray_intersect(rays)
         seen = si.is_valid()
         out = np.zeros((fine.width * fine.height, 10), dtype=np.float32)
-        for index, body in enumerate(self._bodies.values()):
+        for index, body in enumerate(self.bodies.values()):
             here = seen & (si.shape == mi.ShapePtr(body))
             bsdf = self._materials[index]
             diffuse, specular, _, normal, _ = bsdf._surface(si, here)
@@ -160,7 +160,8 @@ class Scan:
         return materials
 
     @cached_property
-    def _bodies(self) -> dict[str, Any]:
+    def bodies(self) -> dict[str, Any]:
+        """The parts as objects of a Mitsuba scene, by name."""
         return {
             f"part{k}": _body(f"part{k}", part, material)
             for k, (part, material) in enumerate(zip(self.parts, self._materials, strict=True))

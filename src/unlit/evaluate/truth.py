@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -37,6 +37,10 @@ class KnownSubject(Protocol):
     def camera(self) -> Camera: ...
     @cached_property
     def truth(self) -> Truth: ...
+    @cached_property
+    def bodies(self) -> dict[str, Any]:
+        """Its objects in a Mitsuba scene, by name."""
+        ...
 
     def mesh(self) -> tuple[np.ndarray, np.ndarray]:
         """Vertices (V, 3), cm, and triangles (F, 3)."""

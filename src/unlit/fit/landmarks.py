@@ -38,7 +38,7 @@ from ..scene.camera import Camera
 from ..settings.fit import LandmarkFit
 from .outline import Outline
 from .registration import registered
-from .state import STATED_RESOLUTION, State, camera_motion
+from .state import STATED_RESOLUTION, State, camera_motion, carried
 
 # Midline from the root of the nose to the chin, and the nose's wings and base.
 NOSE_AND_MIDLINE = (168, 6, 197, 195, 5, 4, 1, 19, 94, 2, 164, 18, 200, 199, 175)
@@ -100,11 +100,8 @@ class LandmarkProblem:
         corners = model.triangles[model.landmark_points.triangle[self.used]]
         weights = model.landmark_points.barycentric[self.used]
 
-        def carried(basis: np.ndarray) -> np.ndarray:
-            return np.einsum("lc,blcx->blx", weights, basis[:, corners]).astype(np.float64)
-
-        self.neutral = carried(model.neutral[None])[0]  # (L, 3)
-        self.basis = np.concatenate([carried(model.identity), carried(model.expression)])
+        self.neutral = carried(model.neutral[None], corners, weights)[0]  # (L, 3)
+        self.basis = carried(model.basis, corners, weights)
         self.frames, self.weights = self._trust()
         #: Factors (478,) on the landmarks' weights for the light on them, and the share that is
         #: left of the weights together.

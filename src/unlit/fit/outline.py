@@ -35,7 +35,6 @@ _STEP = 0.5  # of the search across it, pixels
 _BLUR = 3.0  # of the mesh's outline, for the direction across it, pixels of 512
 _BESIDE = 6.0  # where skin and background have to be sure, to both sides of a border
 _SURE_SKIN, _SURE_BACKGROUND, _NO_HAIR = 0.8, 0.6, 0.25
-_FEWEST = 10  # points below which nothing is said
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,6 @@ class Outline:
             )
             for names in (["background"], ["hair", "beard", "hand", "frame"])
         )
-        self.basis = np.concatenate([model.identity, model.expression])
         self.open = _near_rim(model.triangles, len(model.neutral))
         self.mesh: Mesh | None = None
 
@@ -87,14 +85,12 @@ class Outline:
         Lost points pull nowhere, but cost what the farthest cost: else a head beside the photo's
         would be the likeliest.
         """
-        settings, count = self.settings, 6 + len(self.basis)
+        settings = self.settings
         local = self.model.vertices(state.identity, state.expression)
         found = self.border(state.placed(local))
-        if len(found.distance) < _FEWEST:
-            return np.zeros((count, count)), np.zeros(count), 0.0
         corners = self.model.triangles[found.triangle]
         point = np.einsum("nc,ncx->nx", found.weights, local[corners])
-        basis = carried(self.basis, corners, found.weights)
+        basis = carried(self.model.basis, corners, found.weights)
         moves = camera_motion(self.camera, state.placed(point), state.motion(point, basis))
         rows = np.einsum("ni,nik->nk", found.across, moves)
         error = -found.distance / self.pixel

@@ -46,8 +46,7 @@ class ShapeJacobian:
     """Derivatives in the unknowns of `State.moved` for one model and camera."""
 
     def __init__(self, model: HeadModel, camera: Camera) -> None:
-        self.camera, self.triangles = camera, model.triangles
-        self.basis = np.concatenate([model.identity, model.expression])
+        self.camera, self.triangles, self.basis = camera, model.triangles, model.basis
 
     def rows(self, seen: SeenPixels, gradient: np.ndarray) -> np.ndarray:
         """d value / d unknowns (N, 6 + I + E) of the pixels' values.

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import zipfile
 from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,11 @@ class HeadModel:
         content["landmark_triangle"] = points.triangle
         content["landmark_barycentric"] = points.barycentric
         return content
+
+    @cached_property
+    def basis(self) -> np.ndarray:
+        """(I + E, V, 3) float32: the displacements of identity and expression."""
+        return np.concatenate([self.identity, self.expression])
 
     def vertices(self, identity: np.ndarray, expression: np.ndarray) -> np.ndarray:
         """Vertices (V, 3), float32, model frame, of identity (I,) and expression (E,)."""

@@ -159,10 +159,15 @@ def path_trace(
     environment: (H, W) or (H, W, 3) radiance (scene/light.py). bounces: inter-reflections between
     parts of the face, 0 for direct light only. Pixels that see no face are 0.
     """
+    body = face_body(mesh, camera, maps)
+    return trace({"face": body}, camera, environment, samples, bounces, seed, progress)
+
+
+def face_body(mesh: Mesh, camera: Camera, maps: Maps) -> Any:
+    """The face as a mi.Mesh with the reflectance of `maps`, seen through `camera`."""
     face = mi.load_dict({"type": PLUGIN})
     face.set_maps(camera, maps)
-    body = mesh_body("face", face, mesh.vertices, mesh.normals, mesh.triangles)
-    return trace({"face": body}, camera, environment, samples, bounces, seed, progress)
+    return mesh_body("face", face, mesh.vertices, mesh.normals, mesh.triangles)
 
 
 def trace(

@@ -171,9 +171,10 @@ def test_a_head_that_is_lost_costs_most(head: HeadModel) -> None:
     about = outline(head, seen(head, state))
     costs = [
         about.equations(replace(state, translation=np.add(state.translation, (shift, 0, 0))))[2]
-        for shift in (0, 0.5, 1, 2, 3, 5)
+        for shift in (0, 0.5, 1, 2, 3, 5, 8)
     ]
-    assert (np.diff(costs) > 0).all()
+    assert (np.diff(costs[:-1]) > 0).all()
+    assert costs[-1] > costs[4]  # part of the head is beyond the picture, and none finds a border
 
 
 def test_points_are_evenly_apart(head: HeadModel) -> None:
