@@ -265,8 +265,8 @@ def detail(
     found: np.ndarray, true: np.ndarray, visible: np.ndarray, mask: np.ndarray, photo: np.ndarray
 ) -> float:
     """Correlation of what is finer than 4 pixels, in shadow; NaN where there is little of it."""
-    dark = mask & (visible < 0.3) & (photo.min(axis=2) >= 255 * _BLACK)
-    dark = np.asarray(ndimage.binary_erosion(dark, iterations=2))
+    shaded = mask & (visible < 0.3) & (photo.min(axis=2) >= 255 * _BLACK)
+    dark: Any = ndimage.binary_erosion(shaded, iterations=2)
     if dark.sum() < 100:
         return float("nan")
     fine = [x - ndimage.gaussian_filter(x, 4.0) for x in (_log(found), _log(true))]
