@@ -210,7 +210,7 @@ class Scene:
                     objects[f"{kind}#{k}"] = self._curves(strands, colours[kind])
         objects["mouth#teeth"] = self._teeth()
         for k, piece in enumerate(dressed.worn):
-            objects[f"{piece.kind}#{k}"] = _mesh(
+            objects[f"{piece.kind}#{k}"] = smooth_mesh(
                 f"{piece.kind}#{k}", piece.material, self.place(piece.vertices), piece.triangles
             )
         region = np.array([_class_of(name) for name in VERTEX_REGIONS])[head.region]
@@ -219,7 +219,7 @@ class Scene:
     def _head(self) -> Any:
         head, look = self.dressed.head, self.dressed.look
         colour = _painted(head, look, self.dressed.seed)
-        return _mesh(
+        return smooth_mesh(
             "head",
             _coloured(look.roughness, 0.45),
             self.place(head.vertices),
@@ -248,20 +248,25 @@ class Scene:
             colours.append(colour.reshape(-1, 3))
         vertices, triangles = joined(rows)
         colour = np.concatenate(colours).astype(np.float32)
-        return _mesh("mouth#teeth", _coloured(0.3, 0.5), self.place(vertices), triangles, colour)
+        return smooth_mesh(
+            "mouth#teeth", _coloured(0.3, 0.5), self.place(vertices), triangles, colour
+        )
 
     def _curves(self, strands: Strands, colour: tuple[float, float, float]) -> Any:
         points = self.place(strands.points)
         taper = np.linspace(1, 0.4, points.shape[1])[None] * strands.radius[:, None]
         rows = np.concatenate([points, taper[..., None]], axis=2)
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "strands.txt"
-            file.write_text("\n\n".join(_lines(strand) for strand in rows.tolist()))
-            # Not `bsplinecurve`: a rare hit on one is no number, and a direction that is none ends
-            # the program when an `envmap` is looked up in it.
-            return mi.load_dict(
-                {"type": "linearcurve", "filename": str(file), "bsdf": _hair_material(colour)}
-            )
+        return curves(rows, _hair_material(colour))
+
+
+def curves(rows: np.ndarray, material: dict[str, Any]) -> Any:
+    """Strands as a shape of Mitsuba; rows: (N, K, 4), points along each, the radius there, cm."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "strands.txt"
+        file.write_text("\n\n".join(_lines(strand) for strand in rows.tolist()))
+        # Not `bsplinecurve`: a rare hit on one is no number, and a direction that is none ends
+        # the program when an `envmap` is looked up in it.
+        return mi.load_dict({"type": "linearcurve", "filename": str(file), "bsdf": material})
 
 
 def _lines(strand: list[list[float]]) -> str:
@@ -342,7 +347,7 @@ def _painted(head: Head, look: Look, seed: int) -> np.ndarray:
     return np.clip(colour, 0.004, 0.9).astype(np.float32)
 
 
-def _mesh(
+def smooth_mesh(
     name: str,
     material: dict[str, Any],
     vertices: np.ndarray,

@@ -24,7 +24,7 @@ from subjects import SHARED, standard
 
 import unlit
 from unlit.evaluate.command import light
-from unlit.evaluate.metrics import angle, best_gain, psnr
+from unlit.evaluate.metrics import angle, best_gain, channel_gains, psnr
 from unlit.evaluate.table import Table, markdown
 from unlit.evaluate.truth import KnownSubject
 from unlit.face.conditions import Conditions
@@ -113,9 +113,9 @@ def light_of_each_channel(photo: FacePhoto, head: FittedHead) -> Way:
 
 def figures(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> tuple[list[float], float]:
     """PSNR after one gain and after three; the angle after three, since one changes none."""
-    each = [best_gain(image[..., c : c + 1], truth[..., c : c + 1], mask) for c in range(3)]
-    found = [psnr(image * g, truth, mask) for g in (best_gain(image, truth, mask), np.array(each))]
-    return found, _angle(image * np.array(each), truth, mask)
+    each = channel_gains(image, truth, mask)
+    found = [psnr(image * gain, truth, mask) for gain in (best_gain(image, truth, mask), each)]
+    return found, _angle(image * each, truth, mask)
 
 
 def _angle(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:

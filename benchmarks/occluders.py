@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from dressed import curves, smooth_mesh
 from worn.pieces import joined, matte, rgb_of, slab_mesh, tube_mesh
-
-from unlit.machine.runtime import mitsuba
-from unlit.render.reference import mesh_body
-from unlit.scene.arrays import device
-
-mi = mitsuba()
 
 _BROWS, _EYES = (105, 334), ((33, 133), (362, 263))
 _TEMPLES = (127, 356)
@@ -46,13 +39,8 @@ def strands(points: np.ndarray, _: np.ndarray) -> Objects:
             depth = 0.7 - 0.045 * side**2 - 1.2 * (1 - t) ** 2 + rng.normal(0, 0.06)
             path = np.stack([top[0] + side, top[1] - t * length, top[2] + depth], axis=-1)
             rows.append(np.column_stack([path, np.linspace(0.012, 0.006, 12)]))
-    text = "\n\n".join("\n".join("{:.4f} {:.4f} {:.4f} {:.4f}".format(*p) for p in r) for r in rows)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "strands.txt"
-        file.write_text(text)
-        hair = {"type": "principled", "base_color": rgb_of((0.06, 0.035, 0.02)), "roughness": 0.4}
-        curves = {"type": "linearcurve", "filename": str(file), "bsdf": hair}
-        return {"strands": mi.load_dict(curves)}
+    hair = {"type": "principled", "base_color": rgb_of((0.06, 0.035, 0.02)), "roughness": 0.4}
+    return {"strands": curves(np.stack(rows), hair)}
 
 
 def frames(points: np.ndarray, _: np.ndarray) -> Objects:
@@ -101,11 +89,7 @@ def leaves(points: np.ndarray, sun: np.ndarray) -> Objects:
 
 
 def _body(name: str, vertices: np.ndarray, triangles: np.ndarray, colour: Any) -> Any:
-    points, faces = device(mi.Point3f, vertices), device(mi.Vector3u, triangles.reshape(-1, 3))
-    normals = device(mi.Vector3f, np.zeros_like(vertices))
-    mesh = mesh_body(name, mi.load_dict(matte(colour)), points, normals, faces)
-    mesh.recompute_vertex_normals()
-    return mesh
+    return smooth_mesh(name, matte(colour), vertices, triangles.reshape(-1, 3))
 
 
 #: By name: of landmarks (478, 3), cm, in the camera's frame, and the direction (3,) of the sun.

@@ -104,7 +104,11 @@ def developed(
     contrast = rng.uniform(0.0, 0.6)  # of an S-curve, as cameras have
     curve = encoded * encoded * (3 - 2 * encoded)
     encoded = encoded + contrast * (curve - encoded)
+    return jpeg(encoded, int(rng.integers(70, 97)))
+
+
+def jpeg(encoded: np.ndarray, quality: int) -> np.ndarray:
+    """(H, W, 3) uint8 of sRGB-encoded values, as a JPEG of that quality gives them back."""
     picture = np.round(255 * np.clip(encoded, 0, 1)).astype(np.uint8)
-    quality = int(rng.integers(70, 97))
     _, data = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
     return np.ascontiguousarray(np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))[..., ::-1])

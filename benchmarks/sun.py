@@ -29,7 +29,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from scipy import ndimage
 from subjects import SHARED, ict, lee_perry_smith, own
@@ -38,10 +37,12 @@ import unlit
 
 # isort: split
 import occluders
+from snapshots import jpeg
 
 from unlit.color import encode_srgb
 from unlit.evaluate.command import light
-from unlit.evaluate.metrics import best_gain, psnr
+from unlit.evaluate.metrics import best_gain, channel_gains, psnr
+from unlit.evaluate.protocol import exposure
 from unlit.evaluate.table import Table, markdown
 from unlit.evaluate.truth import KnownSubject
 from unlit.face.head import FittedHead
@@ -49,10 +50,10 @@ from unlit.face.photo import FacePhoto
 from unlit.head.sources.library import default_model
 from unlit.machine.runtime import mitsuba
 from unlit.optimize.run_record import RunRecord
-from unlit.output.images import png
+from unlit.output.images import bytes_of, encoded, png
+from unlit.perception.landmarks import choose, find_faces
 from unlit.photo.photo import Photo
 from unlit.pipeline.chain import fitting, run_chain, steps_of
-from unlit.pipeline.observe import observe
 from unlit.render.reference import trace
 from unlit.render.relighter import Relighter
 from unlit.scene.arrays import device
@@ -72,7 +73,6 @@ QUICK = ("45-45", "brim")
 _COVERED = (45.0, 45.0)
 _TURBIDITY, _GROUND = 3.0, 0.2
 _SUN = 0.27  # half of what it subtends, degrees
-_EXPOSURE = 0.8
 _BLACK = 12 / 255
 
 
@@ -142,19 +142,21 @@ class Sitter:
     @cached_property
     def points(self) -> np.ndarray:
         """Landmarks (478, 3) on the surface, cm, camera's frame, as found under even light."""
-        image = self.lit["uniform"]
-        seen = observe(_photo(_exposed(image, self.subject.truth.seen)), SIZE, "largest")
-        place = np.clip(seen.crop.inverse_points(seen.landmarks[:, :2]), 0, SIZE - 1).astype(int)
-        return self.subject.truth.position[place[:, 1], place[:, 0]]
+        image, truth = self.lit["uniform"], self.subject.truth
+        faces = find_faces(encoded(image * exposure(image, truth.seen)))
+        found = choose(faces, "largest", self.name).landmarks[:, :2]
+        column, row = np.clip(found, 0, SIZE - 1).astype(int).T
+        return truth.position[row, column]
 
     def shot(self, case: str) -> Shot:
         """The subject in one of CASES."""
         subject, seen = self.subject, self.subject.truth.seen
         if case in CLIPPED:
             flash, share = self.lit["flash"], float(case.split("-")[1])
-            level = np.percentile(flash[seen].max(axis=1), 100 - max(share, 1))
-            gain = (1.0 if share else _EXPOSURE) / max(float(level), 1e-9)
-            return Shot(flash * np.float32(gain), np.full(seen.shape, np.nan))
+            gain = exposure(flash, seen)
+            if share:
+                gain = np.float32(1 / np.percentile(flash[seen].max(axis=1), 100 - share))
+            return Shot(flash * gain, np.full(seen.shape, np.nan))
         kind = case if case in occluders.KINDS else None
         high, beside = _COVERED if kind else map(float, case.split("-"))
         sky = sun_and_sky(high, beside)
@@ -164,7 +166,7 @@ class Sitter:
         faced = (subject.truth.normal @ sky.direction > 0.1) & seen
         visible = _open(bodies, subject.truth.position, sky.direction)
         visible = np.where(faced, visible, np.nan)
-        return Shot(_exposed(image, seen), visible)
+        return Shot(image * exposure(image, seen), visible)
 
     def figures(self, shot: Shot, true_mesh: bool) -> tuple[dict[str, float], np.ndarray]:
         """What the module's docstring names, and the picture."""
@@ -180,10 +182,9 @@ class Sitter:
         mask = truth.seen & (face.mask > 0.5) & (regions.eyes < 0.3)
         albedo, true = face.maps.diffuse_albedo, truth.diffuse_albedo
         one = albedo * best_gain(albedo, true, mask)
-        each = [best_gain(albedo[..., [c]], true[..., [c]], mask) for c in range(3)]
         found = {
             "albedo": psnr(one, true, mask),
-            "albedo, three gains": psnr(albedo * np.array(each, np.float32), true, mask),
+            "albedo, three gains": psnr(albedo * channel_gains(albedo, true, mask), true, mask),
         }
         relighter = Relighter(face)
         for name, environment in self.white.items():
@@ -195,21 +196,10 @@ class Sitter:
         found["seconds"] = seconds
         shadow = np.repeat(np.nan_to_num(shot.visibility, nan=0.5)[..., None], 3, axis=2)
         panels = [picture / 255, *(encode_srgb(x * mask[..., None]) for x in (one, true)), shadow]
-        sheet = np.rint(255 * np.clip(np.hstack(panels), 0, 1)).astype(np.uint8)
-        return {name: round(float(x), 3) for name, x in found.items()}, sheet
+        return {name: round(float(x), 3) for name, x in found.items()}, bytes_of(np.hstack(panels))
 
     def _true_head(self, seen: FacePhoto, _: Settings) -> FittedHead:
         return FittedHead.of_mesh(*self.subject.mesh(), seen.landmarks)
-
-
-def _exposed(image: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """So that the 99th percentile of the subject's brightest channel is at 0.8."""
-    level = float(np.percentile(image[seen].max(axis=-1), 99))
-    return image * np.float32(_EXPOSURE / max(level, 1e-9))
-
-
-def _photo(image: np.ndarray) -> Photo:
-    return Photo.of(np.rint(255 * np.clip(encode_srgb(image), 0, 1)).astype(np.uint8), "head")
 
 
 def _open(bodies: dict[str, Any], position: np.ndarray, direction: np.ndarray) -> np.ndarray:
@@ -236,11 +226,8 @@ def camera(image: np.ndarray, seed: int = 0) -> np.ndarray:
     knee = 0.7  # above it the curve bends
     over = np.maximum(linear - knee, 0) / (1 - knee)
     shoulder = np.minimum(linear, knee) + (1 - knee) * np.expm1(-over) / np.expm1(-1)
-    encoded = encode_srgb(shoulder.astype(np.float32))
-    encoded = encoded + 0.25 * (encoded * encoded * (3 - 2 * encoded) - encoded)
-    stored = np.rint(255 * np.clip(encoded, 0, 1)).astype(np.uint8)
-    _, data = cv2.imencode(".jpg", stored[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 90])
-    return np.ascontiguousarray(np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))[..., ::-1])
+    curve = encode_srgb(shoulder.astype(np.float32))
+    return jpeg(curve + 0.25 * (curve * curve * (3 - 2 * curve) - curve), 90)
 
 
 def _log(image: np.ndarray) -> np.ndarray:

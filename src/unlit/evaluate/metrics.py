@@ -41,6 +41,12 @@ def best_gain(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
     return gain
 
 
+def channel_gains(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """`best_gain` of each channel by itself, (3,): what a coloured light leaves is taken off."""
+    each = [best_gain(image[..., [c]], truth[..., [c]], mask) for c in range(3)]
+    return np.array(each, dtype=np.float32)
+
+
 def ssim(image: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
     """Structural similarity (Wang et al. 2004) of encoded (H, W, 3) in [0, 1], mean in `mask`."""
     from skimage.metrics import structural_similarity

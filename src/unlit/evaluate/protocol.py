@@ -93,6 +93,11 @@ class ShotResult:
     maps: dict[str, Any]
 
 
+def exposure(image: np.ndarray, seen: np.ndarray) -> np.float32:
+    """Factor on `image` (H, W, 3), linear, of a subject that covers the pixels `seen` (H, W)."""
+    return np.float32(_EXPOSURE / max(float(np.percentile(image[seen].max(axis=-1), 99)), 1e-9))
+
+
 @dataclass(frozen=True)
 class Study:
     """What stays the same over an evaluation.
@@ -130,11 +135,8 @@ class Study:
             key(self.content, light.environment, self.samples, self.seed, code(RENDERING)),
             lambda: self.subject.photograph(light.environment, self.samples, 2 * self.seed),
         )
-        brightest = image[self.subject.truth.seen].max(axis=-1)
-        gain = _EXPOSURE / max(float(np.percentile(brightest, 99)), 1e-9)
-        return Shot(
-            NamedLight(light.name, light.environment * np.float32(gain)), image * np.float32(gain)
-        )
+        gain = exposure(image, self.subject.truth.seen)
+        return Shot(NamedLight(light.name, light.environment * gain), image * gain)
 
     def rows(
         self,
