@@ -35,6 +35,7 @@ from unlit.pipeline.identity import identity_of
 from unlit.scene.surface_points import SurfacePoints
 from unlit.settings.conditions import CastShadow
 from unlit.settings.settings import Settings, override
+from unlit.settings.sun import SunSearch
 from unlit.storage.identity import Identity
 
 SIZE = 32
@@ -50,6 +51,7 @@ def settings(**changes: object) -> Settings:
         light_points=150,
         retrace_distance=0.001,
         cast_shadow=CastShadow(mode="keep"),
+        sun=SunSearch(mode="never"),
     )
     stages = {f"stage{k}": replace(getattr(short, f"stage{k}"), iterations=5) for k in range(1, 6)}
     return override(replace(short, **stages), changes)

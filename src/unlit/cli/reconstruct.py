@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 #: Options of a reconstruction from the start.
 _FRESH = (
-    *("photo", "mask", "model", "preset", "resolution", "memory", "light_color", "cast_shadows"),
-    *("config", "face"),
+    *("photo", "mask", "model", "preset", "resolution", "memory", "light_color", "sun"),
+    *("cast_shadows", "config", "face"),
 )
 
 

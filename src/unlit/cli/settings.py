@@ -12,6 +12,7 @@ from ..machine import cost
 from ..settings.conditions import CastShadowMode
 from ..settings.ranges import is_table
 from ..settings.settings import PRESETS, Settings, override
+from ..settings.sun import SunMode
 
 #: Options whose text is the value of a setting.
 _SETTINGS = {
@@ -20,6 +21,7 @@ _SETTINGS = {
     "light_color": "light_color",
     "exposure": "exposure",
     "cast_shadows": "cast_shadow.mode",
+    "sun": "sun.mode",
 }
 
 
@@ -80,6 +82,13 @@ def _add_conditions(parser: argparse.ArgumentParser) -> None:
         help="fix the gain that albedo and light share by what you know: X,Y=ALBEDO of a pixel of "
         "the photo, skin=ALBEDO of the whole skin, or the light measured at the face, as 500lux; "
         "without it a white card in full light would be 1.4 times as bright as the photo's white",
+    )
+    parser.add_argument(
+        "--sun",
+        choices=get_args(SunMode),
+        help="auto (default): where the photo has one small hard light, as the sun or a lamp, its "
+        "shadow is taken out of the photo before the maps are made; always: whatever the evidence; "
+        "never",
     )
     parser.add_argument(
         "--cast-shadows",

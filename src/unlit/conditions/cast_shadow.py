@@ -19,7 +19,6 @@ from scipy import ndimage
 
 from ..color import UNCLIPPED, decode_srgb
 from ..optimize.observation import Observation
-from ..scene.camera import Camera
 from ..settings.conditions import CastShadow
 from ..settings.settings import Settings
 from .first_stage import ShortStage1, short_stage1
@@ -39,7 +38,7 @@ def cast_shadow(
     head and the mask do not overlap.
     """
     size = len(above)
-    small = _reduced(observation)
+    small = observation.reduced(_SIZE)
     above = cv2.resize(above.astype(np.uint8), small.mask.shape[::-1]) > 0
     shadow = np.zeros(small.mask.shape, dtype=bool)
     for _ in range(2):  # again with a light that the shadow has not bent
@@ -72,29 +71,6 @@ def attenuation(
 
     mean = spread(ratio * shadow) / np.maximum(spread(shadow), 1e-6)
     return np.exp(np.minimum(mean, 0) * shadow).astype(np.float32)
-
-
-def _reduced(observation: Observation) -> Observation:
-    """The same at `_SIZE` pixels a side, if it is larger."""
-    camera = observation.camera
-    if camera.width <= _SIZE:
-        return observation
-    scale = _SIZE / camera.width
-
-    def small(image: np.ndarray) -> np.ndarray:
-        whole = np.ascontiguousarray(image, dtype=np.float32)
-        return cv2.resize(whole, (_SIZE, _SIZE), interpolation=cv2.INTER_AREA)
-
-    return replace(
-        observation,
-        image=small(observation.image),
-        regions=small(observation.regions),
-        mask=small(observation.mask) > 0.5,
-        weight=small(observation.weight),
-        fitted=small(observation.fitted) > 0.5,
-        camera=Camera(_SIZE, _SIZE, camera.focal * scale, camera.cx * scale, camera.cy * scale),
-        landmarks=observation.landmarks * scale,
-    )
 
 
 def shadowed(

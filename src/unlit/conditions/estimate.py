@@ -1,20 +1,25 @@
-"""The conditions of a photo: what its light's colour is, and where something casts a shadow."""
+"""The conditions of a photo: its sun, its light's colour, and what else casts a shadow."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from ..face.conditions import Conditions
+from ..face.conditions import Conditions, Sun
+from ..face.gain import AlbedoGain
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
 from ..optimize.observation import observation
+from ..optimize.problem import Problem
 from ..perception.measures import above
 from ..perception.topology import NOSE_BASE
 from ..photo.photo import Photo
+from ..progress.callbacks import silent
 from ..settings.settings import Settings
 from . import illuminant
 from .cast_shadow import cast_shadow
 from .light_color import estimated_color
+from .sun_search import SIZE, Surface, find_sun
+from .sun_shadow import sun_shadow
 
 
 def estimate_conditions(
@@ -24,16 +29,33 @@ def estimate_conditions(
 
     Raises SettingsError where a grey card cannot be read.
     """
-    conditions = _light_color(photo, head, source, settings)
-    if settings.cast_shadow.mode == "keep":
+    sun = _sun(photo, head, settings)
+    conditions = _light_color(photo, head, source, settings, Conditions(sun=sun))
+    if sun is not None or settings.cast_shadow.mode == "keep":
         return conditions
     seen = observation(photo, head, conditions)
     above_nose = above(photo.landmarks[:, :2], len(photo.image), NOSE_BASE)
     return replace(conditions, visibility=cast_shadow(seen, above_nose, settings))
 
 
+def _sun(photo: FacePhoto, head: FittedHead, settings: Settings) -> Sun | None:
+    mode = settings.sun.mode
+    if mode == "never":
+        return None
+    seen = observation(photo, head, Conditions())
+    try:
+        problem = Problem(seen.reduced(SIZE), settings, AlbedoGain(), silent)
+    except ValueError:  # the head and the mask do not overlap: `solve` says so
+        return None
+    surface = Surface(problem)
+    found = find_sun(problem, surface, settings.sun)
+    if found is None or (mode == "auto" and found.evidence < settings.sun.evidence):
+        return None
+    return sun_shadow(problem, surface, found, seen, settings.sun_shadow)
+
+
 def _light_color(
-    photo: FacePhoto, head: FittedHead, source: Photo, settings: Settings
+    photo: FacePhoto, head: FittedHead, source: Photo, settings: Settings, known: Conditions
 ) -> Conditions:
     asked, found = settings.light_color, None
     if asked.card is not None:
@@ -43,4 +65,4 @@ def _light_color(
     else:
         color, found = estimated_color(observation(photo, head, Conditions()), settings)
     face = photo.image[photo.regions.face > 0.5]
-    return Conditions(illuminant.fitting(color, face), found)
+    return replace(known, light_color=illuminant.fitting(color, face), light_estimate=found)

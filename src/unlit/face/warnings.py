@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from ..color import UNCLIPPED, encode_srgb
 from ..perception.covers import worn
-from .conditions import LightEstimate
+from .conditions import LightEstimate, Sun
 from .photo import FacePhoto
 from .reconstruction import Reconstruction
 
@@ -29,6 +29,11 @@ _CAST_SHADOW = (
     "Cast shadow: {:.0%} of the face seems to lie in the shadow of something else (hair, "
     "a hat, a hand). There the maps are filled in from around; if it is the skin itself that "
     "is dark, set cast_shadow.mode to keep."
+)
+_SUN = (
+    "Sun: one small light was found, {:.0f} degrees up and {:.0f} to the {} as the camera sees it. "
+    "Its shadow, on {:.0%} of the face, and the other colour of the shade are taken out of the maps; "
+    "if there is none, use --sun never."
 )
 _SATURATED = (
     "Saturated: {:.1%} of the face is as bright as the file can be. Highlights there are "
@@ -77,6 +82,7 @@ def warnings(r: Reconstruction) -> tuple[str, ...]:
     found = (
         _of_share(_SHADOWED, shading[inside].mean(axis=1) < _SHADOW, _SHADOWED_SHARE),
         "" if visibility is None else _of_share(_CAST_SHADOW, visibility[inside] < 0.5, 0),
+        _sun(r.conditions.sun, inside),
         _of_share(_SATURATED, (photo >= UNCLIPPED[1]).any(axis=1)),
         _of_share(_CRUSHED, (photo <= UNCLIPPED[0]).all(axis=1)),
         _of_share(_IMPOSSIBLE, (diffuse[inside] > 1).any(axis=1)),
@@ -102,6 +108,15 @@ def _of_share(sentence: str, where: ArrayLike, least: float = _CLIPPED_SHARE) ->
     """`sentence` with the share of the face that `where` marks, if it is `least` or more."""
     share = float(np.asarray(where).mean())
     return sentence.format(share) if share >= least else ""
+
+
+def _sun(sun: Sun | None, inside: np.ndarray) -> str:
+    if sun is None:
+        return ""
+    x, y, z = (float(part) for part in sun.direction)
+    up, aside = np.degrees(np.arcsin(np.clip(y, -1, 1))), np.degrees(np.arctan2(x, z))
+    side = "right" if aside >= 0 else "left"
+    return _SUN.format(up, abs(aside), side, float((sun.visibility[inside] < 0.5).mean()))
 
 
 def _small(scale: float, inside: np.ndarray) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from ..face.conditions import Conditions
@@ -24,7 +25,8 @@ class Observation:
     fitted head: of ears and neck neither place nor shape is as well known, so that light and gain
     are not judged there. camera: H x W pixels. vertices: (V, 3) float32 fitted mesh, world frame,
     cm; triangles: (F, 3) int32. landmarks: (L, 2) detected points, pixels of the image;
-    landmark_points: the same points on the mesh.
+    landmark_points: the same points on the mesh. sun: (3,) direction of a light whose shadow the
+    image has no more; None without one.
     """
 
     image: np.ndarray
@@ -37,20 +39,48 @@ class Observation:
     triangles: np.ndarray
     landmarks: np.ndarray
     landmark_points: SurfacePoints
+    sun: np.ndarray | None = None
+
+    def reduced(self, size: int) -> Observation:
+        """The same at `size` pixels a side, if it is larger."""
+        camera = self.camera
+        if camera.width <= size:
+            return self
+        scale = size / camera.width
+
+        def small(image: np.ndarray) -> np.ndarray:
+            whole = np.ascontiguousarray(image, dtype=np.float32)
+            return cv2.resize(whole, (size, size), interpolation=cv2.INTER_AREA)
+
+        return replace(
+            self,
+            image=small(self.image),
+            regions=small(self.regions),
+            mask=small(self.mask) > 0.5,
+            weight=small(self.weight),
+            fitted=small(self.fitted) > 0.5,
+            camera=Camera(size, size, camera.focal * scale, camera.cx * scale, camera.cy * scale),
+            landmarks=self.landmarks * scale,
+        )
 
 
 def observation(photo: FacePhoto, head: FittedHead, conditions: Conditions) -> Observation:
-    """The photo without the light's colour; what lies in a cast shadow gets no weight."""
-    face, visibility = photo.regions.face, conditions.visibility
+    """The photo without the light's colour and the sun's shadow, which leaves less weight.
+
+    What lies in another cast shadow gets none.
+    """
+    face, visibility, sun = photo.regions.face, conditions.visibility, conditions.sun
+    trust = 1 if sun is None else sun.trust()
     return Observation(
         image=conditions.balanced(photo.image),
         regions=photo.regions.weights[..., :4],
         mask=face > 0.5,
-        weight=face if visibility is None else face * visibility,
+        weight=face * trust if visibility is None else face * trust * visibility,
         fitted=face_area(photo.landmarks[:, :2], len(face)),
         camera=photo.camera,
         vertices=head.mesh.vertices,
         triangles=head.mesh.triangles,
         landmarks=head.landmarks,
         landmark_points=head.landmark_points,
+        sun=None if sun is None else sun.direction,
     )

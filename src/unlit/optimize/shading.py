@@ -25,6 +25,9 @@ mi = mitsuba()
 #: differently turned, one is that counts half as near as the other.
 _NEAREST = 4
 _NEAR_PLACE, _NEAR_NORMAL = 0.05, 0.3
+#: Around a sun whose shadow the image has no more, the head blocks no light; radians. Wide, since
+#: the sun is found to some degrees and the lobes that stand for it have a width.
+SUN_RADIUS = np.radians(20)
 
 
 class Shading:
@@ -50,14 +53,20 @@ class Shading:
     @cached_property
     def bits(self) -> Any:
         """Traced when first asked for; stage 1 only needs those of its sample."""
-        return visibility(self.problem.mesh.scene, self._traced, self.quadrature)
+        return self._trace(self._traced)
+
+    def _trace(self, points: ShadingPoints) -> Any:
+        scene, sun = self.problem.mesh.scene, self.problem.observation.sun
+        if sun is None:
+            return visibility(scene, points, self.quadrature)
+        near = self.cells.direction @ sun > np.cos(SUN_RADIUS)
+        return visibility(scene, points, self.quadrature, free=device(mi.UInt32, near))
 
     def bits_of(self, index: Any) -> Any:
         """Those of some pixels (mi.UInt32), traced only if those of all are not."""
         if "bits" in vars(self):
             return bits_at(self.bits, len(self._traced), index)
-        points = self._traced.gather(index)
-        return visibility(self.problem.mesh.scene, points, self.quadrature)
+        return self._trace(self._traced.gather(index))
 
     def at(self, points: ShadingPoints) -> Shading:
         """The same geometry with the normals of `points`, for a look that leaves this as it is."""

@@ -12,6 +12,7 @@ from ..perception.parser import SIZE as PARSED
 from ..storage.arrays import Kind, check_indices, read_checked
 
 _COLOUR, _SCALAR = Kind(("S", "S", 3)), Kind(("S", "S"))
+_SUN = ("sun_direction", "sun_visibility", "sun_remaining")
 #: For each array of the file, where it is in a Reconstruction, and what it has to be.
 _ARRAYS = {
     "image": ("photo.image", _COLOUR),
@@ -40,9 +41,12 @@ _ARRAYS = {
     "specular_shading": ("images.specular_shading", _COLOUR),
     "render": ("images.render", _COLOUR),
     "visibility": ("conditions.visibility", _SCALAR),
+    "sun_direction": ("conditions.sun.direction", Kind((3,))),
+    "sun_visibility": ("conditions.sun.visibility", _SCALAR),
+    "sun_remaining": ("conditions.sun.remaining", _COLOUR),
 }
-#: Only in results that the parser was asked for, and with a shadow of something else.
-_OPTIONAL = ("shares", "visibility")
+#: Only in results that the parser was asked for, with a shadow of something else, with a sun.
+_OPTIONAL = ("shares", "visibility", *_SUN)
 #: What indexes into arrays of which size, and the lowest index: -1 where the mesh has no landmark.
 _INDEXED = {"triangles": ("V", 0), "triangle_uv": ("T", 0), "fit_landmark_triangle": ("F", -1)}
 _AGAIN = "reconstruct the photo again"
@@ -54,7 +58,7 @@ def write_arrays(reconstruction: Reconstruction, path: Path) -> None:
     for name, (place, kind) in _ARRAYS.items():
         value = reconstruction
         for part in place.split("."):
-            value = getattr(value, part)
+            value = None if value is None else getattr(value, part)
         if value is not None:
             arrays[name] = np.asarray(value, dtype=kind.dtype)
     np.savez(path, allow_pickle=False, **arrays)

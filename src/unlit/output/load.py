@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import OutputError, SettingsError
-from ..face.conditions import Conditions
+from ..face.conditions import Conditions, Sun
 from ..face.face import Face, Normals, PosedMesh
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
@@ -63,7 +63,7 @@ def load(folder: str | Path) -> Reconstruction:
             kept.landmark_residual,
             kept.head_model,
         ),
-        Conditions(color, kept.light_color, arrays.get("visibility")),
+        Conditions(color, kept.light_color, arrays.get("visibility"), _sun_of(arrays)),
         Face(
             file.camera,
             mesh,
@@ -79,6 +79,11 @@ def load(folder: str | Path) -> Reconstruction:
         settings,
         kept.metrics(),
     )
+
+
+def _sun_of(arrays: dict[str, np.ndarray]) -> Sun | None:
+    found = [arrays.get(f"sun_{field.name}") for field in fields(Sun)]
+    return None if any(x is None for x in found) else Sun(*found)  # type: ignore[arg-type]
 
 
 def _mark_of(folder: Path) -> Path:

@@ -135,8 +135,9 @@ def _images(
     e: np.ndarray,
     s: np.ndarray,
 ) -> Images:
-    """In the light's colour, with the shadow of something else."""
-    e, s = e * conditions.light_color, s * conditions.light_color
+    """In the light's colour, with the shadows of the sun and of something else."""
+    remaining = 1 if conditions.sun is None else conditions.sun.remaining
+    e, s = (x * conditions.light_color * remaining for x in (e, s))
     render = maps.diffuse_albedo * e + maps.specular_albedo[..., None] * s
     if conditions.visibility is not None:
         left = attenuation(photo.image, render, conditions.visibility, how)

@@ -95,14 +95,20 @@ class Quadrature:
 
 
 def visibility(
-    scene: Any, points: ShadingPoints, quadrature: Quadrature, horizon: Any = HORIZON
+    scene: Any,
+    points: ShadingPoints,
+    quadrature: Quadrature,
+    horizon: Any = HORIZON,
+    free: Any = None,
 ) -> Any:
     """Visibility bits of `points`; see visibility.trace.
 
-    horizon: `points.horizon` leaves out what neither lobe needs, for normals that stay.
+    horizon: `points.horizon` leaves out what neither lobe needs, for normals that stay. free: as
+    there.
     """
     p = points
-    return trace(scene, p.position, p.specular_normal, p.geometric, quadrature.directions, horizon)
+    where = (p.position, p.specular_normal, p.geometric)
+    return trace(scene, *where, quadrature.directions, horizon, free)
 
 
 def _terms(points: ShadingPoints, viewer: Any, quadrature: Quadrature, d: Any) -> tuple[Any, Any]:

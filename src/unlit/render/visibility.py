@@ -34,13 +34,14 @@ def trace(
     geometric: Any,
     directions: Any,
     horizon: Any = HORIZON,
+    free: Any = None,
 ) -> Any:
     """Visibility bits, mi.UInt32 of width words(D) * P: bit d % 32 of entry (d // 32) * P + p.
 
     scene: Mitsuba scene; position mi.Point3f, shading normal and geometric normal mi.Vector3f, all
     of width P; directions: mi.Vector3f of width D, unit, to the light. A direction whose cosine to
     the shading normal is below `horizon`, a number or mi.Float of width P, counts as not visible
-    and costs no ray.
+    and costs no ray. free: mi.UInt32 of width D, 1 where nothing blocks a direction; None: nowhere.
     """
     # Opaque: a number baked into the kernel would have it compiled anew for every photo.
     points, count = (dr.opaque(mi.UInt32, dr.width(a)) for a in (position, directions))
@@ -56,7 +57,8 @@ def trace(
         d = first + k
         towards = dr.gather(mi.Vector3f, directions, d, d < count)
         active = (d < count) & (dr.dot(n, towards) > lowest)
-        blocked = scene.ray_test(mi.Ray3f(start, towards), coherent=True, active=active)
+        traced = active if free is None else active & (dr.gather(mi.UInt32, free, d, active) == 0)
+        blocked = scene.ray_test(mi.Ray3f(start, towards), coherent=True, active=traced)
         bits |= dr.select(active & ~blocked, mi.UInt32(1) << k, 0)
         return k + 1, bits, start, n, lowest, first
 

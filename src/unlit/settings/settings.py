@@ -18,6 +18,7 @@ from ..errors import SettingsError
 from .conditions import AUTO, CastShadow, KnownExposure, LightColorEstimate, LightColorRequest
 from .fit import LandmarkFit, OutlineFit, ShadingFit
 from .ranges import Count, Positive, Share, Weight, converted, expected, is_table
+from .sun import SunSearch, SunShadow
 from .table1 import TABLE_1, Stage
 
 if TYPE_CHECKING:
@@ -68,6 +69,8 @@ class Settings:
     #: What fixes the gain between albedo and light: auto (a convention), skin=ALBEDO, X,Y=ALBEDO,
     #: or 500lux (face/gain.py).
     exposure: KnownExposure = field(default_factory=partial(KnownExposure, AUTO))
+    sun: SunSearch = field(default_factory=SunSearch)
+    sun_shadow: SunShadow = field(default_factory=SunShadow)
     cast_shadow: CastShadow = field(default_factory=CastShadow)
     #: Of the short stage 1 that an estimate of the light's colour and cast shadows are seen in.
     first_stage_iterations: Count = 100

@@ -7,6 +7,7 @@ from changed import changed, part
 from drawn_face import SIZE as DRAWN
 from drawn_face import drawn_landmarks
 from report_head import report_head
+from unlit.face.conditions import Sun
 from unlit.face.warnings import warnings
 from unlit.perception.parser import CLASSES, SIZE
 from unlit.perception.topology import LEFT_EYE
@@ -48,6 +49,17 @@ def test_a_good_photo_has_none(face):
 def test_each_names_its_share(face, place, value, share, word):
     (sentence,) = warnings(spoilt(face, share, place, value))
     assert sentence.startswith(word)
+
+
+def test_a_sun_says_where_it_stands(face):
+    inside = face.face.mask > 0
+    visibility = np.where(np.cumsum(inside).reshape(inside.shape) < 0.2 * inside.sum(), 0, 1)
+    remaining = np.ones((*inside.shape, 3), np.float32)
+    direction = np.array([-0.5, 0.5**0.5, 0.5], np.float32)
+    sun = Sun(direction, visibility.astype(np.float32), remaining)
+    (sentence,) = warnings(changed(face, {"conditions.sun": sun}))
+    assert "45 degrees up and 45 to the left" in sentence
+    assert "20% of the face" in sentence
 
 
 def test_a_cast_shadow_names_its_share(face):

@@ -1,6 +1,7 @@
 """Visibility bits against single shadow rays."""
 
 import drjit as dr
+import numpy as np
 import pytest
 
 from bumpy_head import View, bumpy_head, camera, painted, view
@@ -48,3 +49,25 @@ def test_bits_are_shadow_rays(head: View) -> None:
     assert (kept == (seen & (cosine > 0))).all()
     # The nose and the sockets do cast shadows: some directions above the horizon are blocked.
     assert 0.01 < (~seen[cosine > 0.2]).mean() < 0.2
+
+
+def test_a_direction_may_be_free(head: View) -> None:
+    """There nothing is blocked above the horizon; the others stay as they are."""
+    quadrature = Quadrature(CELLS)
+    points, count = len(head.points), len(CELLS)
+    free = dr.arange(mi.UInt32, count) % 3 == 0
+    index = dr.arange(mi.UInt32, points * count)
+    point, d = index // count, index % count
+    flags = dr.select(free, mi.UInt32(1), mi.UInt32(0))
+
+    def seen(free: object) -> np.ndarray:
+        bits = visibility(head.mesh.scene, head.points, quadrature, free=free)
+        return visible(bits, points, point, d).numpy().reshape(points, count)
+
+    before, after, which = seen(None), seen(flags), free.numpy()
+    towards = dr.gather(mi.Vector3f, quadrature.directions, d)
+    normal = dr.gather(mi.Vector3f, head.points.specular_normal, point)
+    above = (dr.dot(normal, towards) > HORIZON).numpy().reshape(points, count)
+    np.testing.assert_array_equal(after[:, ~which], before[:, ~which])
+    np.testing.assert_array_equal(after[:, which], above[:, which])
+    assert (after != before).any()
