@@ -32,8 +32,8 @@ _CAST_SHADOW = (
 )
 _SUN = (
     "Sun: one small light was found, {:.0f} degrees up and {:.0f} to the {} as the camera sees it. "
-    "Its shadow, on {:.0%} of the face, and the other colour of the shade are taken out of the maps; "
-    "if there is none, use --sun never."
+    "Its shadow, on {:.0%} of the face, and the other colour of the shade are taken out of the "
+    "maps; if there is none, use --sun never."
 )
 _SATURATED = (
     "Saturated: {:.1%} of the face is as bright as the file can be. Highlights there are "
