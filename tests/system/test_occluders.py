@@ -129,11 +129,11 @@ def test_the_rest_of_the_skin_keeps_its_albedo(shared: Path, skin: str, spoil: A
 
 @pytest.mark.long
 def test_a_cast_shadow_is_not_painted_into_the_albedo(shared: Path) -> None:
-    """Under the brim it is filled in from around."""
+    """Under the brim it is what the photo says of it there."""
     subject, image, whole = clean(shared, "light")
     spoilt, where = hat(image, whole.photo.landmarks[:, :2], subject.mask)
     face = reconstructed(spoilt, subject)
-    assert face.conditions.visibility is not None
+    assert face.conditions.shadow is not None
     inside = subject.mask & (face.face.mask > 0.5) & (face.photo.regions.eyebrows < 0.1)
     true, lit = subject.maps.diffuse_albedo, inside & ~where
     gain = best_gain(face.face.maps.diffuse_albedo, true, lit)

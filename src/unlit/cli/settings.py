@@ -93,8 +93,8 @@ def _add_conditions(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cast-shadows",
         choices=get_args(CastShadowMode),
-        help="auto (default): where hair, a hat or a hand seems to cast a shadow on the face, fill "
-        "the maps in from around; keep: take the photo as it is",
+        help="auto (default): where no sun was found, but hair, a hat or a hand seems to cast a "
+        "shadow on the face, it is taken out of the photo; keep: take the photo as it is",
     )
 
 

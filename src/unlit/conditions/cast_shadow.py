@@ -3,9 +3,10 @@
 In the stages nothing but the head itself blocks the light, so such a shadow would be painted into
 the albedo, and bend the light on the way. A short stage 1, in which all skin has one colour, cannot
 explain it. What is left over is a large part of the skin, much darker than the model, that begins
-at the face's outline, beyond which the thing is that casts it. There the photo gets no weight, and
-the stages fill the maps in. What is dark otherwise stays skin: moles, birthmarks and folds do not
-reach the outline, beards lie below the nose, freckles are small.
+at the face's outline, beyond which the thing is that casts it. There the photo is divided by what
+the shadow leaves of the light, and counts less; roots of hair have no weight and are filled in.
+What is dark otherwise stays skin: moles, birthmarks and folds do not reach the outline, beards lie
+below the nose, freckles are small.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 from scipy import ndimage
 
 from ..color import UNCLIPPED, decode_srgb
+from ..face.conditions import Shadow
 from ..optimize.observation import Observation
 from ..settings.conditions import CastShadow
 from ..settings.settings import Settings
@@ -29,10 +31,8 @@ _SIZE = 256
 _WHITE = float(decode_srgb(np.float32(UNCLIPPED[1])))
 
 
-def cast_shadow(
-    observation: Observation, above: np.ndarray, settings: Settings
-) -> np.ndarray | None:
-    """Visibility of the light that the head itself leaves: (S, S) float32 in [0, 1], 0 in a shadow.
+def cast_shadow(observation: Observation, above: np.ndarray, settings: Settings) -> Shadow | None:
+    """The shadow of something else on the observation's S x S pixels.
 
     above: (S, S) bool, what lies above the base of the nose. None where there is no shadow, or the
     head and the mask do not overlap.
@@ -40,37 +40,46 @@ def cast_shadow(
     size = len(above)
     small = observation.reduced(_SIZE)
     above = cv2.resize(above.astype(np.uint8), small.mask.shape[::-1]) > 0
-    shadow = np.zeros(small.mask.shape, dtype=bool)
+    dark = np.zeros(small.mask.shape, dtype=bool)
     for _ in range(2):  # again with a light that the shadow has not bent
-        weight = np.where(shadow, 0, small.weight).astype(np.float32)
+        weight = np.where(dark, 0, small.weight).astype(np.float32)
         try:
             stage1 = short_stage1(replace(small, weight=weight), replace(settings, bounces=0))
         except ValueError:
             return None
-        shadow = shadowed(small, stage1, above, settings.cast_shadow)
-        if not shadow.any():
+        dark = shadowed(small, stage1, above, settings.cast_shadow)
+        if not dark.any():
             return None
-    return 1 - cv2.resize(_grown(shadow, 1).astype(np.float32), (size, size))
+    left = remaining(small, stage1, dark, settings.cast_shadow)
+    around = _grown(dark, 1)
+    # Where the mask is not sure, it is roots of hair that are dark.
+    sure = small.weight >= settings.cast_shadow.sure
+    known = np.where(around, sure * np.sqrt(left.min(axis=2)), 1)
+    made = (~around, left, known)
+    return Shadow(*(cv2.resize(x.astype(np.float32), (size, size)) for x in made))
 
 
-def attenuation(
-    image: np.ndarray, render: np.ndarray, visibility: np.ndarray, settings: CastShadow
+def remaining(
+    observation: Observation, stage1: ShortStage1, dark: np.ndarray, settings: CastShadow
 ) -> np.ndarray:
-    """What the shadow leaves of the light: (S, S, 3) float32, in [0, 1], 1 where `visibility` is.
+    """What the shadow `dark` (H, W) leaves of the light: (H, W, 3) float32, above 0, 1 without it.
 
-    `image` over `render` without the shadow, both (S, S, 3) linear, smooth: shading has it, as
-    albedo has it not.
+    The photo over stage 1's render, smooth: shading is, details are the skin's, and of brows, eyes
+    and lips nothing is known.
     """
-    reach = settings.soft * len(visibility) / _SIZE
-    shadow = ((1 - visibility) * (render > 0).any(axis=2))[..., None]
     least = settings.least_seen
-    ratio = np.log(np.maximum(image, least) / np.maximum(render, least))
+    ratio = np.log(np.maximum(observation.image, least) / np.maximum(stage1.render, least))
+    plain = dark & (observation.regions[..., 1:4].sum(axis=2) < 0.1)
+    weight = (plain if plain.any() else dark).astype(np.float64)
 
-    def spread(values: np.ndarray) -> np.ndarray:
-        return np.asarray(ndimage.gaussian_filter(values, (reach, reach, 0)))
+    def spread(values: np.ndarray, reach: float) -> np.ndarray:
+        return np.asarray(ndimage.gaussian_filter(values, (reach, reach, 0)[: values.ndim]))
 
-    mean = spread(ratio * shadow) / np.maximum(spread(shadow), 1e-6)
-    return np.exp(np.minimum(mean, 0) * shadow).astype(np.float32)
+    near = spread(weight, settings.smoothness)[..., None]
+    mean = spread(ratio * weight[..., None], settings.smoothness) / np.maximum(near, 1e-6)
+    mean = np.where(near > 1e-3, mean, np.average(ratio[weight > 0], axis=0))
+    edge = spread(_grown(dark, 1).astype(np.float64), settings.soft)[..., None]
+    return np.exp(np.minimum(mean, 0) * edge).astype(np.float32)
 
 
 def shadowed(
@@ -89,7 +98,9 @@ def shadowed(
     features = observation.regions[..., 1:4].sum(axis=2)  # lips, eyes, eyebrows
     skin = covered & (features < 0.5) & (stage1.diffuse_shading > settings.least_shading)
     plain = skin & ~_grown(features > 0.1, settings.features)
-    whole: Any = ndimage.binary_fill_holes(covered)
+    # At a bald head's outline the model has no light to compare.
+    lit = covered & (stage1.diffuse_shading > settings.least_shading)
+    whole: Any = ndimage.binary_fill_holes(lit)
     rim = _grown(~whole, settings.rim + 1)
     dark = (plain & (ratio < settings.dark)).astype(np.uint8)
     core = cv2.morphologyEx(dark, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..face.conditions import Conditions, Sun
+from ..face.conditions import Conditions, Shadow
 from ..face.gain import AlbedoGain
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
@@ -30,15 +30,15 @@ def estimate_conditions(
     Raises SettingsError where a grey card cannot be read.
     """
     sun = _sun(photo, head, settings)
-    conditions = _light_color(photo, head, source, settings, Conditions(sun=sun))
+    conditions = _light_color(photo, head, source, settings, Conditions(shadow=sun))
     if sun is not None or settings.cast_shadow.mode == "keep":
         return conditions
     seen = observation(photo, head, conditions)
     above_nose = above(photo.landmarks[:, :2], len(photo.image), NOSE_BASE)
-    return replace(conditions, visibility=cast_shadow(seen, above_nose, settings))
+    return replace(conditions, shadow=cast_shadow(seen, above_nose, settings))
 
 
-def _sun(photo: FacePhoto, head: FittedHead, settings: Settings) -> Sun | None:
+def _sun(photo: FacePhoto, head: FittedHead, settings: Settings) -> Shadow | None:
     mode = settings.sun.mode
     if mode == "never":
         return None

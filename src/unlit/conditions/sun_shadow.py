@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from ..face.conditions import Sun
+from ..face.conditions import Shadow
 from ..optimize.observation import Observation
 from ..optimize.problem import Problem
 from ..scene.maps import fill
@@ -27,6 +27,8 @@ from .sun_search import SIZE, SunFit, Surface
 
 #: Darker values of the photo, linear, are taken for this.
 _BLACK = 0.003
+#: In shade, nothing is left of what is darker; linear, 3 of 255.
+_CRUSHED = 0.001
 #: Encoded white is as bright as the file can be: lit, whatever it looks like.
 _SATURATED = 0.97
 #: Cosines to the light and to the viewer from which a pixel tells light from shade.
@@ -43,7 +45,7 @@ _MOST_DARK, _MOST_BRIGHT = 12.0, 1 / 0.3
 
 def sun_shadow(
     small: Problem, surface: Surface, found: SunFit, full: Observation, settings: SunShadow
-) -> Sun:
+) -> Shadow:
     """The sun `found` in `small`, at most SIZE pixels a side, and its shadow in `full`."""
     view = _View(small, surface, found, settings)
     visible, remaining = view.shadow()
@@ -174,7 +176,7 @@ class _View:
 
 def _at_full_size(
     view: _View, visible: np.ndarray, remaining: np.ndarray, full: Observation
-) -> Sun:
+) -> Shadow:
     """Along the edges the visibility is what the photo says with the albedo of both sides."""
     size = len(full.image)
 
@@ -208,7 +210,11 @@ def _at_full_size(
     whole = ((sun + rest) / reference).mean(axis=2, keepdims=True)
     left = (visible[..., None] * sun + rest) / reference / np.maximum(whole, 1e-6)
     left = np.where(inside[..., None], np.clip(left, 1 / _MOST_DARK, _MOST_BRIGHT), 1)
-    return Sun(view.found.direction.astype(np.float32), visible, left.astype(np.float32))
+    # Deep shade is noise, and along the edges either side may be meant.
+    trust = np.sqrt(np.clip(left.min(axis=2), 0.1, 1)) * (1 - 2 * visible * (1 - visible))
+    trust = trust * ((left.min(axis=2) > 0.5) | (full.image.max(axis=2) > _CRUSHED))
+    made = (visible, left, trust, view.found.direction)
+    return Shadow(*(np.asarray(x, np.float32) for x in made))
 
 
 def _grown(mask: np.ndarray, reach: float) -> np.ndarray:

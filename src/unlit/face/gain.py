@@ -57,8 +57,8 @@ class AlbedoGain:
     """The gain of one photo: by what is known of it, or by convention.
 
     known: by the user. photo: whose skin is meant; None where nothing is known. conditions: colour
-    of its light, and shadows, in which no albedo is measured. Raises SettingsError where lux are
-    given and the photo tells no luminance.
+    of its light, and where a shadow is filled in. Raises SettingsError where lux are given and the
+    photo tells no luminance.
     """
 
     def __init__(
@@ -81,8 +81,8 @@ class AlbedoGain:
         Raises SettingsError if there are none.
         """
         known, photo = self.known, self._photo
-        if (visibility := self._conditions.visibility) is not None:
-            inside = inside & (visibility > 0.5)
+        if (shadow := self._conditions.shadow) is not None:
+            inside = inside & (shadow.trust > 0)
         if known.at is None:
             found = inside & (photo.regions.skin > 0.5)
             if known.albedo is not None and not found.any():

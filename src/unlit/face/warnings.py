@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from ..color import UNCLIPPED, encode_srgb
 from ..perception.covers import worn
-from .conditions import LightEstimate, Sun
+from .conditions import LightEstimate, Shadow
 from .photo import FacePhoto
 from .reconstruction import Reconstruction
 
@@ -27,8 +27,8 @@ _SHADOWED = (
 )
 _CAST_SHADOW = (
     "Cast shadow: {:.0%} of the face seems to lie in the shadow of something else (hair, "
-    "a hat, a hand). There the maps are filled in from around; if it is the skin itself that "
-    "is dark, set cast_shadow.mode to keep."
+    "a hat, a hand), which is taken out of the maps; if it is the skin itself that is dark, set "
+    "cast_shadow.mode to keep."
 )
 _SUN = (
     "Sun: one small light was found, {:.0f} degrees up and {:.0f} to the {} as the camera sees it. "
@@ -78,11 +78,10 @@ def warnings(r: Reconstruction) -> tuple[str, ...]:
     # As in the stages: the best-lit skin has E = 1, and the light no colour.
     albedo = diffuse / np.float32(r.gain)
     shading = r.images.diffuse_shading * np.float32(r.gain) / r.light.color
-    visibility, bound = r.conditions.visibility, _NEAR * r.settings.max_diffuse
+    bound = _NEAR * r.settings.max_diffuse
     found = (
         _of_share(_SHADOWED, shading[inside].mean(axis=1) < _SHADOW, _SHADOWED_SHARE),
-        "" if visibility is None else _of_share(_CAST_SHADOW, visibility[inside] < 0.5, 0),
-        _sun(r.conditions.sun, inside),
+        _shadow(r.conditions.shadow, inside),
         _of_share(_SATURATED, (photo >= UNCLIPPED[1]).any(axis=1)),
         _of_share(_CRUSHED, (photo <= UNCLIPPED[0]).all(axis=1)),
         _of_share(_IMPOSSIBLE, (diffuse[inside] > 1).any(axis=1)),
@@ -110,13 +109,16 @@ def _of_share(sentence: str, where: ArrayLike, least: float = _CLIPPED_SHARE) ->
     return sentence.format(share) if share >= least else ""
 
 
-def _sun(sun: Sun | None, inside: np.ndarray) -> str:
-    if sun is None:
+def _shadow(shadow: Shadow | None, inside: np.ndarray) -> str:
+    if shadow is None:
         return ""
-    x, y, z = (float(part) for part in sun.direction)
+    dark = shadow.visibility[inside] < 0.5
+    if shadow.sun is None:
+        return _of_share(_CAST_SHADOW, dark, 0)
+    x, y, z = (float(part) for part in shadow.sun)
     up, aside = np.degrees(np.arcsin(np.clip(y, -1, 1))), np.degrees(np.arctan2(x, z))
     side = "right" if aside >= 0 else "left"
-    return _SUN.format(up, abs(aside), side, float((sun.visibility[inside] < 0.5).mean()))
+    return _SUN.format(up, abs(aside), side, float(dark.mean()))
 
 
 def _small(scale: float, inside: np.ndarray) -> str:

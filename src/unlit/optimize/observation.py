@@ -65,22 +65,18 @@ class Observation:
 
 
 def observation(photo: FacePhoto, head: FittedHead, conditions: Conditions) -> Observation:
-    """The photo without the light's colour and the sun's shadow, which leaves less weight.
-
-    What lies in another cast shadow gets none.
-    """
-    face, visibility, sun = photo.regions.face, conditions.visibility, conditions.sun
-    trust = 1 if sun is None else sun.trust()
+    """The photo without the light's colour and the shadow, in which it counts less."""
+    face, shadow = photo.regions.face, conditions.shadow
     return Observation(
         image=conditions.balanced(photo.image),
         regions=photo.regions.weights[..., :4],
         mask=face > 0.5,
-        weight=face * trust if visibility is None else face * trust * visibility,
+        weight=face if shadow is None else face * shadow.trust,
         fitted=face_area(photo.landmarks[:, :2], len(face)),
         camera=photo.camera,
         vertices=head.mesh.vertices,
         triangles=head.mesh.triangles,
         landmarks=head.landmarks,
         landmark_points=head.landmark_points,
-        sun=None if sun is None else sun.direction,
+        sun=None if shadow is None else shadow.sun,
     )

@@ -12,7 +12,6 @@ from ..perception.parser import SIZE as PARSED
 from ..storage.arrays import Kind, check_indices, read_checked
 
 _COLOUR, _SCALAR = Kind(("S", "S", 3)), Kind(("S", "S"))
-_SUN = ("sun_direction", "sun_visibility", "sun_remaining")
 #: For each array of the file, where it is in a Reconstruction, and what it has to be.
 _ARRAYS = {
     "image": ("photo.image", _COLOUR),
@@ -40,13 +39,13 @@ _ARRAYS = {
     "diffuse_shading": ("images.diffuse_shading", _COLOUR),
     "specular_shading": ("images.specular_shading", _COLOUR),
     "render": ("images.render", _COLOUR),
-    "visibility": ("conditions.visibility", _SCALAR),
-    "sun_direction": ("conditions.sun.direction", Kind((3,))),
-    "sun_visibility": ("conditions.sun.visibility", _SCALAR),
-    "sun_remaining": ("conditions.sun.remaining", _COLOUR),
+    "shadow_visibility": ("conditions.shadow.visibility", _SCALAR),
+    "shadow_remaining": ("conditions.shadow.remaining", _COLOUR),
+    "shadow_trust": ("conditions.shadow.trust", _SCALAR),
+    "sun": ("conditions.shadow.sun", Kind((3,))),
 }
-#: Only in results that the parser was asked for, with a shadow of something else, with a sun.
-_OPTIONAL = ("shares", "visibility", *_SUN)
+#: Only in results that the parser was asked for, with a shadow, with a sun.
+_OPTIONAL = ("shares", "shadow_visibility", "shadow_remaining", "shadow_trust", "sun")
 #: What indexes into arrays of which size, and the lowest index: -1 where the mesh has no landmark.
 _INDEXED = {"triangles": ("V", 0), "triangle_uv": ("T", 0), "fit_landmark_triangle": ("F", -1)}
 _AGAIN = "reconstruct the photo again"

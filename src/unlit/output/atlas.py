@@ -210,8 +210,8 @@ class _Photo:
         fits = {SKIN: ~eye, EYES: eye, INSIDE: lip}
         self.shows = np.stack([(shown == kind) & fits[kind] for kind in fits], axis=1)
         measured = r.face.mask > 0
-        if r.conditions.visibility is not None:
-            measured &= r.conditions.visibility > 0.5
+        if r.conditions.shadow is not None:
+            measured &= r.conditions.shadow.trust > 0
         self.shows &= measured.ravel()[:, None]
         maps = r.face.maps
         positive = np.dstack([maps.diffuse_albedo, maps.specular_albedo, maps.roughness])

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import OutputError, SettingsError
-from ..face.conditions import Conditions, Sun
+from ..face.conditions import Conditions, Shadow
 from ..face.face import Face, Normals, PosedMesh
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
@@ -63,7 +63,7 @@ def load(folder: str | Path) -> Reconstruction:
             kept.landmark_residual,
             kept.head_model,
         ),
-        Conditions(color, kept.light_color, arrays.get("visibility"), _sun_of(arrays)),
+        Conditions(color, kept.light_color, _shadow_of(arrays)),
         Face(
             file.camera,
             mesh,
@@ -81,9 +81,12 @@ def load(folder: str | Path) -> Reconstruction:
     )
 
 
-def _sun_of(arrays: dict[str, np.ndarray]) -> Sun | None:
-    found = [arrays.get(f"sun_{field.name}") for field in fields(Sun)]
-    return None if any(x is None for x in found) else Sun(*found)  # type: ignore[arg-type]
+def _shadow_of(arrays: dict[str, np.ndarray]) -> Shadow | None:
+    names = [f"shadow_{name}" for name in ("visibility", "remaining", "trust")]
+    if not set(names) <= set(arrays):
+        return None
+    visibility, remaining, trust = (arrays[name] for name in names)
+    return Shadow(visibility, remaining, trust, arrays.get("sun"))
 
 
 def _mark_of(folder: Path) -> Path:

@@ -10,7 +10,6 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from ..conditions.cast_shadow import attenuation
 from ..face.conditions import Conditions
 from ..face.face import Face, Normals
 from ..face.gain import peak_luminance
@@ -27,7 +26,6 @@ from ..optimize.solve import Solution
 from ..scene.arrays import device
 from ..scene.lobes import CellRadiance
 from ..scene.maps import Maps
-from ..settings.conditions import CastShadow
 
 resource: Any = None
 with contextlib.suppress(ImportError):  # Unix only
@@ -53,7 +51,7 @@ def assemble(
         shading = solution.shading.at(points)
         gain, estimate, e, s = _with_final_gain(problem, shading, estimate, maps)
         maps = problem.maps(estimate)
-        images = _images(photo, conditions, problem.settings.cast_shadow, maps, e, s)
+        images = _images(conditions, maps, e, s)
     mask = np.where(problem.inside, photo.regions.face, 0).astype(np.float32)
     result = Reconstruction(
         photo,
@@ -127,22 +125,11 @@ def _shade(
     return problem.image(e, "zero"), problem.image(s, "zero")
 
 
-def _images(
-    photo: FacePhoto,
-    conditions: Conditions,
-    how: CastShadow,
-    maps: Maps,
-    e: np.ndarray,
-    s: np.ndarray,
-) -> Images:
-    """In the light's colour, with the shadows of the sun and of something else."""
-    remaining = 1 if conditions.sun is None else conditions.sun.remaining
+def _images(conditions: Conditions, maps: Maps, e: np.ndarray, s: np.ndarray) -> Images:
+    """In the light's colour, with the shadow."""
+    remaining = 1 if conditions.shadow is None else conditions.shadow.remaining
     e, s = (x * conditions.light_color * remaining for x in (e, s))
-    render = maps.diffuse_albedo * e + maps.specular_albedo[..., None] * s
-    if conditions.visibility is not None:
-        left = attenuation(photo.image, render, conditions.visibility, how)
-        e, s, render = e * left, s * left, render * left
-    return Images(e, s, render)
+    return Images(e, s, maps.diffuse_albedo * e + maps.specular_albedo[..., None] * s)
 
 
 def _peak_memory() -> float:

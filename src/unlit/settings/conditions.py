@@ -157,14 +157,16 @@ CastShadowMode = Literal["auto", "keep"]
 class CastShadow:
     """What counts as a shadow of something else on the face. Lengths: pixels of a 256 crop.
 
-    mode: auto, fill the maps in from around it; keep, take the photo as it is.
+    mode: auto, take it out of the photo; keep, take the photo as it is.
     dark: log ratio of photo to model below which skin is in shadow; dim: and next to such skin.
     black: added to both, linear: what a photo's black may stand for. least_seen: photo and model
         below which their ratio says nothing.
     smooth: reach of the median that the ratio is smoothed with. features: distance kept from lips,
         eyes and brows. rim: width of the face's outline.
     grown: how far beyond its core a shadow is looked for; bridged: gap between its parts that is
-        closed, beside eyes and brows. soft: deviation of its edge's Gaussian.
+        closed, beside eyes and brows. soft: deviation of its edge's Gaussian;
+        smoothness: of the light within it, whose finer changes are the skin's.
+    sure: least weight of the mask there; where it is less there is hair, too, and it is filled in.
     least_shading: least diffuse shading that the model has there, where full light is 1.
     least, most: share of the face; more is no shadow but a wrong light. along: least share of its
         border on the face's outline. above: least share of its area above the nose's base.
@@ -182,7 +184,9 @@ class CastShadow:
     rim: Annotated[int, Meta(ge=0, le=64)] = 3
     grown: Annotated[int, Meta(ge=0, le=64)] = 4
     bridged: Annotated[int, Meta(ge=0, le=64)] = 18
-    soft: Annotated[float, Meta(gt=0, le=64)] = 2.0
+    soft: Annotated[float, Meta(gt=0, le=64)] = 3.0
+    smoothness: Annotated[float, Meta(gt=0, le=64)] = 3.0
+    sure: Share = 0.96
     least_shading: Share = 0.15
     least: Share = 0.015
     most: Share = 0.4

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from unlit.conditions import cast_shadow as module
-from unlit.conditions.cast_shadow import attenuation, cast_shadow, shadowed
+from unlit.conditions.cast_shadow import cast_shadow, remaining, shadowed
 from unlit.conditions.first_stage import ShortStage1
 from unlit.optimize.observation import Observation
 from unlit.scene.camera import Camera
@@ -133,23 +133,28 @@ def test_it_is_found_at_any_size(monkeypatch, scale: int) -> None:
     none = SurfacePoints.empty(1)
     mask = face > 0.5
     observed = Observation(image, regions, mask, face, mask, camera, points, points, points, none)
-    visibility = cast_shadow(observed, large(ABOVE) > 0.5, PRESETS["draft"])
-    assert visibility is not None and visibility.shape == (size, size)
-    assert agreement(visibility < 0.5, large(hat) > 0.5) > 0.9
+    shadow = cast_shadow(observed, large(ABOVE) > 0.5, PRESETS["draft"])
+    assert shadow is not None and shadow.sun is None
+    assert shadow.visibility.shape == (size, size) and shadow.remaining.shape == (size, size, 3)
+    assert agreement(shadow.visibility < 0.5, large(hat) > 0.5) > 0.9
     small = seen[0]
     assert vars(small.camera) == vars(Camera(SIZE, SIZE, 3.0 * SIZE, 0.4 * SIZE, 0.6 * SIZE))
     np.testing.assert_allclose(small.landmarks, np.array([[0.2, 0.3]]) * SIZE)
     assert not seen[1].weight[hat & (Y < 75)].any()
 
 
-def test_the_shading_has_the_shadow() -> None:
-    """Its level and colour, not the details, which are the skin's; elsewhere nothing changes."""
+def test_what_remains_is_the_light_and_not_the_skin() -> None:
+    """Its level and colour, not fine details, nor brows, which are dark; elsewhere all of it."""
     render = np.full((SIZE, SIZE, 3), 0.3) * FACE[..., None]
-    visibility = np.where(FACE & (Y < 80), 0, 1).astype(np.float32)
+    dark = FACE & (Y < 110)
     left = np.array([0.5, 0.4, 0.3])
-    image = render * np.where(visibility[..., None] == 0, left, 1.5)
+    image = render * np.where(dark[..., None], left, 1.5) * np.where(BROWS, 0.2, 1)[..., None]
     image = image * (1 + 0.2 * (-1.0) ** (X + Y))[..., None]
-    found = attenuation(image, render, visibility, CastShadow())
-    core = FACE & (Y < 70) & (abs(X - 128) < 30)
+    regions = np.dstack([FACE & ~BROWS, 0 * X, 0 * X, BROWS]).astype(np.float32)
+    stage1 = ShortStage1(np.ones((SIZE, SIZE)), np.zeros((SIZE, SIZE)), render, FACE)
+    found = remaining(_seen(image, regions), stage1, dark, CastShadow())  # type: ignore[arg-type]
+    core = dark & (Y > 45) & (Y < 98) & (abs(X - 128) < 30)
+    assert (core & BROWS).any()
     np.testing.assert_allclose(found[core], np.broadcast_to(left, found[core].shape), rtol=0.06)
-    np.testing.assert_array_equal(found[visibility == 1], 1)
+    np.testing.assert_allclose(found[FACE & (Y > 130)], 1, atol=1e-3)
+    assert found.max() <= 1

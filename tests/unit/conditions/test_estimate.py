@@ -11,7 +11,7 @@ import tiny_run
 from unlit.conditions import estimate as module
 from unlit.conditions.estimate import estimate_conditions
 from unlit.errors import SettingsError
-from unlit.face.conditions import Conditions, LightEstimate
+from unlit.face.conditions import Conditions, LightEstimate, Shadow
 from unlit.face.photo import FacePhoto
 from unlit.photo.photo import Photo
 
@@ -31,7 +31,7 @@ def test_above_is_towards_the_hairline(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[np.ndarray] = []
     monkeypatch.setattr(module, "cast_shadow", lambda _, above, __: asked.append(above))
     seen = replace(seen, landmarks=landmarks)
-    assert estimated(seen, **{"cast_shadow.mode": "auto"}).visibility is None
+    assert estimated(seen, **{"cast_shadow.mode": "auto"}).shadow is None
     columns = np.indices((size, size))[1] + 0.5
     np.testing.assert_array_equal(asked[0], columns < 0.6 * size)
     estimated(seen, **{"cast_shadow.mode": "keep"})
@@ -42,10 +42,11 @@ def test_shadows_are_looked_for_as_under_white_light(monkeypatch: pytest.MonkeyP
     """What is found of them is kept."""
     seen = tiny_run.photo()
     asked: list[np.ndarray] = []
+    shadow = Shadow(seen.image[..., 0], seen.image, seen.image[..., 0])
 
-    def found(observation: object, *_: object) -> np.ndarray:
+    def found(observation: object, *_: object) -> Shadow:
         asked.append(observation.image)  # type: ignore[attr-defined]
-        return seen.image[..., 0]
+        return shadow
 
     monkeypatch.setattr(module, "cast_shadow", found)
     monkeypatch.setattr(module, "above", lambda *_: None)
@@ -54,7 +55,7 @@ def test_shadows_are_looked_for_as_under_white_light(monkeypatch: pytest.MonkeyP
     conditions = estimated(coloured, light_color="4,2,1", **{"cast_shadow.mode": "auto"})
     np.testing.assert_array_equal(conditions.light_color, lamp)
     np.testing.assert_array_equal(asked[0], seen.image)
-    np.testing.assert_array_equal(conditions.visibility, seen.image[..., 0])
+    assert conditions.shadow is shadow
 
 
 def test_an_image_as_if_white_stays_the_image_itself() -> None:

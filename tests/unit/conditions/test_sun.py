@@ -15,7 +15,7 @@ from unlit.conditions.estimate import estimate_conditions
 from unlit.conditions.sun_model import SkinSample, huber
 from unlit.conditions.sun_search import SunFit, as_sky, find_sun
 from unlit.conditions.sun_shadow import sun_shadow
-from unlit.face.conditions import Conditions, Sun
+from unlit.face.conditions import Conditions, Shadow
 from unlit.optimize.observation import observation
 from unlit.photo.photo import Photo
 from unlit.settings.sun import SunSearch, SunShadow
@@ -142,11 +142,19 @@ def test_a_larger_photo_has_sharper_edges_and_the_same_shadow() -> None:
     assert told[large.faced].mean() > 0.93
 
 
-def test_trust_is_least_in_deep_shade_and_on_edges() -> None:
-    remaining = np.array([[[1.0] * 3, [0.25] * 3, [0.01] * 3, [1.0] * 3]], np.float32)
-    visible = np.array([[1.0, 0.0, 0.0, 0.5]], np.float32)
-    sun = Sun(np.array([0, 0, 1], np.float32), visible, remaining)
-    np.testing.assert_allclose(sun.trust(), [[1, 0.5, np.sqrt(0.1), 0.5]], rtol=1e-6)
+def test_trust_is_least_in_deep_shade_and_on_edges(head: SunHead, found: SunFit) -> None:
+    """And none where the shade is black."""
+    black = head.observation.image * (np.indices((SIZE, SIZE))[0] > SIZE / 2)[..., None]
+    seen = replace(head.observation, image=black)
+    sun = sun_shadow(head.problem, head.surface, found, seen, SunShadow())
+    lit, shaded = sun.visibility > 0.99, sun.visibility < 0.01
+    below = head.faced & (black.max(axis=2) > 0)
+    assert sun.trust[below & shaded].max() < 0.8 * sun.trust[below & lit].max()
+    edge = (sun.visibility > 0.4) & (sun.visibility < 0.6) & below
+    assert edge.any() and sun.trust[edge].max() < 0.55
+    deep = sun.remaining.min(axis=2) < 0.5
+    assert not sun.trust[deep & (black.max(axis=2) == 0)].any()
+    assert (sun.trust[~head.problem.inside] == 1).all()
 
 
 def test_a_field_follows_the_edges_of_its_guide() -> None:
@@ -183,26 +191,23 @@ def test_modes(monkeypatch: pytest.MonkeyPatch) -> None:
     seen, asked = tiny_run.photo(), []
     weak = SunFit(np.array([0, 0, 1.0]), np.ones(3), np.zeros((4, 3)), np.ones(3), 0.01)
     size = len(seen.image)
-    sun = Sun(
-        np.array([0, 0, 1], np.float32),
-        np.ones((size, size), np.float32),
-        np.full((size, size, 3), 0.5, np.float32),
-    )
+    ones = np.ones((size, size), np.float32)
+    even = ones, np.full((size, size, 3), 0.5, np.float32), 0.7 * ones
+    sun, other = Shadow(*even, np.array([0, 0, 1], np.float32)), Shadow(*even)
     monkeypatch.setattr(module, "find_sun", lambda *_: asked.append(1) or weak)
     monkeypatch.setattr(module, "sun_shadow", lambda *_: sun)
-    monkeypatch.setattr(module, "cast_shadow", lambda *_: seen.image[..., 0])
+    monkeypatch.setattr(module, "cast_shadow", lambda *_: other)
 
     def of(mode: str) -> Conditions:
         chosen = tiny_run.settings(**{"sun.mode": mode, "cast_shadow.mode": "auto"})
         return estimate_conditions(seen, tiny_run.head(), Photo.of(seen.image), chosen)
 
-    assert of("never").sun is None and not asked
-    assert of("auto").sun is None and len(asked) == 1
-    found = of("always")
-    assert found.sun is sun
     # What the sun explains is not looked for as another shadow.
-    assert found.visibility is None and of("auto").visibility is not None
+    assert of("never").shadow is other and not asked
+    assert of("auto").shadow is other and len(asked) == 1
+    found = of("always")
+    assert found.shadow is sun
     seen_so = observation(seen, tiny_run.head(), found)
     np.testing.assert_allclose(seen_so.image, seen.image / 0.5)
-    np.testing.assert_allclose(seen_so.weight, seen.regions.face * np.sqrt(0.5), rtol=1e-6)
-    assert seen_so.sun is sun.direction
+    np.testing.assert_allclose(seen_so.weight, seen.regions.face * 0.7, rtol=1e-6)
+    assert seen_so.sun is sun.sun

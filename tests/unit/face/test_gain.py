@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from unlit.errors import SettingsError
-from unlit.face.conditions import Conditions
+from unlit.face.conditions import Conditions, Shadow
 from unlit.face.gain import AlbedoGain, check_exposure, largest_gain, peak_luminance
 from unlit.face.photo import FacePhoto
 from unlit.perception.regions import Regions
@@ -44,20 +44,21 @@ def test_a_patch_is_where_the_photo_has_it():
         AlbedoGain(KnownExposure("40,90=0.3"), seen, Conditions()).patch(inside)
 
 
-def test_no_albedo_is_measured_in_a_shadow_or_off_the_skin():
-    """Of something else than the head; without a pixel, all bare skin is the patch."""
+def test_no_albedo_is_measured_off_the_skin_or_where_it_is_filled_in():
+    """Without a pixel, all bare skin is the patch."""
     skin = np.zeros((20, 20), np.float32)
     skin[5:15] = 1
-    visibility = np.ones((20, 20), np.float32)
-    visibility[:8] = 0
+    trust = np.ones((20, 20), np.float32)
+    trust[:8] = 0
+    shadow = Shadow(trust, np.ones((20, 20, 3), np.float32), trust)
     everywhere = np.ones((20, 20), bool)
     for known in (KnownExposure("auto"), KnownExposure("skin=0.3"), KnownExposure("500lux")):
-        found = AlbedoGain(known, photo(20, skin, 1.0), Conditions(visibility=visibility))
+        found = AlbedoGain(known, photo(20, skin, 1.0), Conditions(shadow=shadow))
         assert np.unique(np.nonzero(found.patch(everywhere))[0]).tolist() == list(range(8, 15))
-    dark = Conditions(visibility=0 * visibility)
+    bare = photo(20, 0 * skin)
     with pytest.raises(SettingsError, match="no bare skin"):
-        AlbedoGain(KnownExposure("skin=0.3"), photo(20, skin), dark).patch(everywhere)
-    assert not AlbedoGain(KnownExposure("auto"), photo(20, skin), dark).patch(everywhere).any()
+        AlbedoGain(KnownExposure("skin=0.3"), bare, Conditions()).patch(everywhere)
+    assert not AlbedoGain(KnownExposure("auto"), bare, Conditions()).patch(everywhere).any()
 
 
 def test_the_gains():

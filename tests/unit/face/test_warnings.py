@@ -7,7 +7,7 @@ from changed import changed, part
 from drawn_face import SIZE as DRAWN
 from drawn_face import drawn_landmarks
 from report_head import report_head
-from unlit.face.conditions import Sun
+from unlit.face.conditions import Shadow
 from unlit.face.warnings import warnings
 from unlit.perception.parser import CLASSES, SIZE
 from unlit.perception.topology import LEFT_EYE
@@ -56,8 +56,8 @@ def test_a_sun_says_where_it_stands(face):
     visibility = np.where(np.cumsum(inside).reshape(inside.shape) < 0.2 * inside.sum(), 0, 1)
     remaining = np.ones((*inside.shape, 3), np.float32)
     direction = np.array([-0.5, 0.5**0.5, 0.5], np.float32)
-    sun = Sun(direction, visibility.astype(np.float32), remaining)
-    (sentence,) = warnings(changed(face, {"conditions.sun": sun}))
+    sun = Shadow(visibility.astype(np.float32), remaining, remaining[..., 0], direction)
+    (sentence,) = warnings(changed(face, {"conditions.shadow": sun}))
     assert "45 degrees up and 45 to the left" in sentence
     assert "20% of the face" in sentence
 
@@ -65,7 +65,9 @@ def test_a_sun_says_where_it_stands(face):
 def test_a_cast_shadow_names_its_share(face):
     inside = face.face.mask > 0
     visibility = np.where(np.cumsum(inside).reshape(inside.shape) < 0.2 * inside.sum(), 0, 1)
-    (sentence,) = warnings(changed(face, {"conditions.visibility": visibility.astype(np.float32)}))
+    remaining = np.ones((*inside.shape, 3), np.float32)
+    shadow = Shadow(visibility.astype(np.float32), remaining, remaining[..., 0])
+    (sentence,) = warnings(changed(face, {"conditions.shadow": shadow}))
     assert sentence.startswith("Cast shadow: 20% of the face")
 
 

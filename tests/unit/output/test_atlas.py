@@ -8,6 +8,7 @@ from scipy.spatial import KDTree
 from changed import changed
 from small_head import CENTRE, EYE_COLOUR, SKIN_TRIANGLES, small_head
 from unlit.color import encode_srgb
+from unlit.face.conditions import Shadow
 from unlit.face.reconstruction import Reconstruction
 from unlit.machine.runtime import mitsuba
 from unlit.output.atlas import DIFFUSED, GRAZING, MIRRORED, PLAIN, SEEN, Atlas, bake
@@ -172,12 +173,13 @@ def test_unseen_half_is_mirrored(atlas):
 
 
 def test_what_lies_in_a_cast_shadow_is_not_measured(r, atlas):
-    """It is filled in like what the camera does not see."""
-    visibility = (np.arange(r.face.mask.shape[1]) < 0.5 * r.face.mask.shape[1]) * np.ones_like(
+    """Where it is filled in, like what the camera does not see."""
+    trust = (np.arange(r.face.mask.shape[1]) < 0.5 * r.face.mask.shape[1]) * np.ones_like(
         r.face.mask
     )
-    shadowed = bake(changed(r, {"conditions.visibility": visibility}), SIZE)
-    left = bake(changed(r, {"face.mask": r.face.mask * visibility}), SIZE)
+    shadow = Shadow(trust, np.ones((*trust.shape, 3), np.float32), trust)
+    shadowed = bake(changed(r, {"conditions.shadow": shadow}), SIZE)
+    left = bake(changed(r, {"face.mask": r.face.mask * trust}), SIZE)
     np.testing.assert_array_equal(shadowed.confidence, left.confidence)
     assert (shadowed.confidence >= GRAZING).sum() < 0.7 * (atlas.confidence >= GRAZING).sum()
 

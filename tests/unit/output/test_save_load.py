@@ -13,7 +13,7 @@ import pytest
 from changed import changed
 from small_head import save_quickly
 from unlit.errors import OutputError
-from unlit.face.conditions import Sun
+from unlit.face.conditions import Shadow
 from unlit.machine.runtime import mitsuba
 from unlit.output.load import load
 from unlit.output.save import FILES, needed_bytes, save
@@ -66,29 +66,17 @@ def test_saving_tells_how_far_it_is(face, tmp_path):
     assert told[-1] == ("done", len(FILES) + 1, len(FILES) + 1)
 
 
-def test_where_something_else_casts_its_shadow(face, tmp_path):
-    visibility = np.linspace(0, 1, face.face.mask.size, dtype=np.float32).reshape(
-        face.face.mask.shape
-    )
-    shadowed = changed(face, {"conditions.visibility": visibility})
+@pytest.mark.parametrize("sun", [None, np.array([0.6, 0.8, 0], np.float32)])
+def test_a_shadow_with_its_sun_or_without(face, tmp_path, sun):
+    rng = np.random.default_rng(0)
+    shape = face.face.mask.shape
+    visibility, trust = rng.random((2, *shape), np.float32)
+    shadow = Shadow(visibility, rng.random((*shape, 3), np.float32), trust, sun)
+    shadowed = changed(face, {"conditions.shadow": shadow})
     save(shadowed, tmp_path / "a")
     assert_same(load(tmp_path / "a"), shadowed)
-
-
-def test_a_sun_and_its_shadow(face, tmp_path):
-    """All three of its arrays, or it is none."""
-    shape = face.face.mask.shape
-    rng = np.random.default_rng(0)
-    sun = Sun(
-        np.array([0.6, 0.8, 0], np.float32),
-        rng.random(shape, np.float32),
-        rng.random((*shape, 3), np.float32),
-    )
-    sunny = changed(face, {"conditions.sun": sun})
-    save(sunny, tmp_path / "a")
-    assert_same(load(tmp_path / "a"), sunny)
     save(face, tmp_path / "b")
-    assert load(tmp_path / "b").conditions.sun is None
+    assert load(tmp_path / "b").conditions.shadow is None
 
 
 def test_the_lights_colour_and_the_gain(face, tmp_path):
