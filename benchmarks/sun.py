@@ -6,8 +6,8 @@ Every head is path-traced under Mitsuba's sun and sky and the ground that they l
 `45-90`, the sun 45 degrees high (20, 45, 70) and 90 beside the camera (0, 45, 90); `brim`,
 `strands`, `frames`, `leaves`: that between sun and face, 45-45; `clip-2`, `clip-10`: a hard flash
 with so many percent of the face beyond white, and `clip-0`. Then comes a camera: white balance
-20 % off, a tone curve with a shoulder, noise, 8 bits, JPEG 90. The reconstruction (`draft`) finds
-the light's colour itself. It has the camera's focal length, and the true mesh with --true-mesh.
+20 % off, a tone curve with a shoulder, noise, 8 bits, JPEG 90. The reconstruction (`draft`) takes
+the light for white. It has the camera's focal length, and the true mesh with --true-mesh.
 
 Per photo: PSNR of the albedo (dB, sRGB, inside the face) after one gain, and after one for each
 channel; relit by uniform light and by a flash, after one gain; `edges`: the gradient of the
