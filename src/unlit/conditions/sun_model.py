@@ -90,7 +90,7 @@ class SkinSample:
     ) -> tuple[np.ndarray, np.ndarray]:
         facing = np.maximum(directions @ self.normal.T, 0)
         prior = self.settings.own_shadow
-        rest = np.broadcast_to(first_order(self.normal), (*facing.shape, 4))
+        rest = np.broadcast_to(self._even, (*facing.shape, 4))
         trust = np.ones_like(facing)
         terms, cost = np.zeros((len(facing), 5, 3)), facing
         for _ in range(rounds):
@@ -107,7 +107,7 @@ class SkinSample:
 
     def _costs(self, facing: np.ndarray, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of being lit and of being shaded, (K, N) each, for facing (K, N), terms (K, 5, 3)."""
-        rest = light_of_rest(first_order(self.normal), terms[:, 1:])
+        rest = light_of_rest(self._even, terms[:, 1:])
         sun = facing[..., None] * np.maximum(terms[:, :1], 0)
         return self._cost(sun + rest), self._cost(rest)
 
@@ -117,6 +117,10 @@ class SkinSample:
     def _smooth(self, values: np.ndarray) -> np.ndarray:
         """Mean over the neighbours, of (N,) or (K, N)."""
         return (self.mean @ values.T).T
+
+    @cached_property
+    def _even(self) -> np.ndarray:
+        return first_order(self.normal)
 
     @cached_property
     def _weight(self) -> np.ndarray:
@@ -136,7 +140,7 @@ class SkinSample:
         """That of an even light with terms of second order, the better of two starts."""
         x, y, z = self.normal.T
         second = np.stack([x * y, x * z, y * z, x * x - y * y, 3 * z * z - 1], axis=1)
-        basis = np.hstack([first_order(self.normal), second])
+        basis = np.hstack([self._even, second])
         ridge = 1e-3 * (self._weight**2).sum() * np.eye(basis.shape[1])
         most = self.settings.outlier
         found = []

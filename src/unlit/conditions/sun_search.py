@@ -15,7 +15,8 @@ import numpy as np
 
 from ..machine.runtime import mitsuba
 from ..optimize.problem import Problem
-from ..render.visibility import trace
+from ..render.interreflection import sphere_directions
+from ..render.visibility import trace, unpacked
 from ..scene.arrays import device
 from ..settings.sun import SunSearch
 from .sun_model import SkinSample, first_order, light_of_rest
@@ -77,10 +78,8 @@ class Surface:
         kinds = (mi.Point3f, mi.Vector3f, mi.Vector3f)
         position, normal, geometric = (device(k, x) for k, x in zip(kinds, where, strict=True))
         towards = device(mi.Vector3f, rays)
-        bits = trace(self.scene, position, normal, geometric, towards, _ALL).numpy()
-        words = np.ascontiguousarray(bits, "<u4").view(np.uint8).reshape(-1, len(where[0]), 4)
-        flags = np.unpackbits(words, axis=2, bitorder="little")
-        seen = flags.transpose(0, 2, 1).reshape(-1, len(where[0]))[: len(rays)]
+        bits = trace(self.scene, position, normal, geometric, towards, _ALL)
+        seen = unpacked(bits, len(where[0]), len(rays))
         return seen.reshape(len(directions), _RAYS, -1).mean(axis=1, dtype=np.float32)
 
 
@@ -119,11 +118,8 @@ def as_sky(sun: np.ndarray, rest: np.ndarray, settings: SunSearch) -> bool:
 
 
 def _directions(count: int) -> np.ndarray:
-    """(K, 3) of `count` evenly spread ones (Fibonacci's spiral), where a light can reach a face."""
-    i = np.arange(count) + 0.5
-    y, phi = 1 - 2 * i / count, np.pi * (1 + 5**0.5) * i
-    r = np.sqrt(1 - y * y)
-    everywhere = np.stack([r * np.cos(phi), y, r * np.sin(phi)], axis=1)
+    """(K, 3) of `count` evenly spread ones, where a light can reach a face."""
+    everywhere = sphere_directions(count)[:, [0, 2, 1]].astype(np.float64)
     return everywhere[(everywhere[:, 2] > _LEAST_TOWARDS) & (everywhere[:, 1] > _LEAST_UP)]
 
 

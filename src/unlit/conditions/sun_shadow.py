@@ -39,6 +39,7 @@ _WIDTH = 0.03
 _ENOUGH = 40
 #: Temperature of the light in open shade, as the white balance of cameras has it, kelvin.
 _SHADE = 7500
+_FAINT = np.float32(1e-4)
 #: What the light may be divided by, or multiplied with.
 _MOST_DARK, _MOST_BRIGHT = 12.0, 1 / 0.3
 
@@ -63,21 +64,15 @@ class _View:
         sun, rest = found.parts(surface.normal)
         self.inside = problem.inside
         self.unit = problem.camera.width / SIZE
-
-        def image(rows: np.ndarray, background: float = 0) -> np.ndarray:
-            shape = (*self.inside.shape, *rows.shape[1:])
-            out = np.full((self.inside.size, *rows.shape[1:]), background, np.float32)
-            out[problem.pixel] = rows
-            return out.reshape(shape)
-
-        self.sun, self.rest = image(sun), image(rest, 1e-4)
-        facing = image(np.maximum(surface.normal @ found.direction, 0))
+        image = problem.image_of
+        # Off the face there is light, too, whose logarithm is taken.
+        self.sun, self.rest = image(sun), np.where(self.inside[..., None], image(rest), _FAINT)
+        self.facing = image(np.maximum(surface.normal @ found.direction, 0))
         towards = -surface.position / np.linalg.norm(surface.position, axis=1, keepdims=True)
         viewed = image((surface.normal * towards).sum(axis=1))
         open_ = surface.open(found.direction[None], _WIDTH)[0]
-        self.facing = facing
-        self.faced = self.inside & (facing > _FACING)
-        self.open = np.where(self.faced, image(open_, 1.0), 1)
+        self.faced = self.inside & (self.facing > _FACING)
+        self.open = np.where(self.faced, image(open_), 1)
         self.log = np.log(np.maximum(seen.image, _BLACK))
         self.grey = self.log.mean(axis=2)
         self.features = seen.regions[..., 1:4].sum(axis=2)
@@ -116,14 +111,8 @@ class _View:
             if turn:
                 level = self._level(visible, remaining)
             evidence = self._evidence(level, remaining) + prior
-            visible = mean_field(
-                evidence,
-                self.grey,
-                self.faced,
-                how.contrast,
-                how.agreement,
-                how.sweeps,
-            )
+            field = (how.contrast, how.agreement, how.sweeps)
+            visible = mean_field(evidence, self.grey, self.faced, *field)
             visible = self._with_features(np.where(self.faced, visible, 1))
             remaining = remaining * self._across_edges(visible, remaining)
         return visible, remaining
@@ -158,9 +147,10 @@ class _View:
         """Factors (3,) on what is left in the shade, so that albedo is the same on both sides."""
         how = self.settings
         steep = ndimage.gaussian_gradient_magnitude(visible * self.faced + ~self.faced, self.unit)
-        known = _shrunk(self.faced, how.edge * self.unit) & self.plain
-        edge = (steep > 0.08 / self.unit) & _shrunk(self.faced, how.edge * self.unit)
-        beside = _grown(edge, how.beside * self.unit) & known & ~_grown(edge, how.edge * self.unit)
+        known = ~_grown(~self.faced, how.edge * self.unit)
+        edge = known & (steep > 0.08 / self.unit)
+        beside = _grown(edge, how.beside * self.unit) & ~_grown(edge, how.edge * self.unit)
+        beside &= known & self.plain
         lit, shaded = beside & (visible > 0.9), beside & (visible < 0.1)
         if min(lit.sum(), shaded.sum()) < _ENOUGH:
             return np.ones(3, np.float32)
@@ -186,7 +176,7 @@ def _at_full_size(
         return cv2.resize(fill(image, view.inside), (size, size), interpolation=cv2.INTER_LINEAR)
 
     unit = size / SIZE
-    inside = grown(view.inside.astype(np.float32)) > 0.5
+    inside = cv2.resize(view.inside.astype(np.float32), (size, size)) > 0.5
     sun, rest, facing = grown(view.sun), grown(view.rest * remaining), grown(view.facing)
     visible = np.clip(grown(visible.astype(np.float32)), 0, 1)
     features = full.regions[..., 1:4].sum(axis=2)
@@ -222,7 +212,3 @@ def _grown(mask: np.ndarray, reach: float) -> np.ndarray:
     if not mask.any():
         return mask
     return np.asarray(ndimage.distance_transform_edt(~mask)) <= max(round(reach), 1)
-
-
-def _shrunk(mask: np.ndarray, reach: float) -> np.ndarray:
-    return ~_grown(~mask, reach)

@@ -84,12 +84,15 @@ class Problem:
 
     def image(self, values: Any, background: str = "nearest") -> np.ndarray:
         """(H, W) or (H, W, 3) float32 image of Dr.Jit values of width P; the rest nearest or 0."""
-        rows = values.numpy().T
+        out = self.image_of(values.numpy().T)
+        return out if background == "zero" else fill(out, self.inside)
+
+    def image_of(self, rows: np.ndarray) -> np.ndarray:
+        """(H, W) or (H, W, 3) float32 image of rows (P,) or (P, 3); the rest 0."""
         shape = (self.camera.height, self.camera.width)
         out = np.zeros((shape[0] * shape[1], *rows.shape[1:]), dtype=np.float32)
         out[self.pixel] = rows
-        out = out.reshape(*shape, *rows.shape[1:])
-        return out if background == "zero" else fill(out, self.inside)
+        return out.reshape(*shape, *rows.shape[1:])
 
     def albedo_gain(self, albedo: np.ndarray) -> float:
         """What makes diffuse albedo (H, W, 3), as the stages hold it, the skin's.

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import drjit as dr
+import numpy as np
 
 from ..machine.runtime import mitsuba
 
@@ -73,6 +74,12 @@ def visible(bits: Any, points: Any, point: Any, direction: Any) -> Any:
     """Whether `direction` (UInt32 index) is seen from `point` (UInt32 index), as mi.Bool."""
     word = dr.gather(mi.UInt32, bits, (direction >> 5) * points + point)
     return ((word >> (direction & 31)) & 1) != 0
+
+
+def unpacked(bits: Any, points: int, directions: int) -> np.ndarray:
+    """(directions, points) uint8: 1 where a point sees the direction."""
+    words = bits.numpy().reshape(-1, points).T.copy()
+    return np.unpackbits(words.view(np.uint8), axis=1, count=directions, bitorder="little").T
 
 
 def bits_at(bits: Any, points: int, index: Any) -> Any:

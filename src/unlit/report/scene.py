@@ -23,7 +23,7 @@ from ..machine.runtime import mitsuba
 from ..output.atlas import Atlas
 from ..output.images import bytes_of
 from ..output.montage import outdoors
-from ..render.visibility import trace
+from ..render.visibility import trace, unpacked
 from ..scene.arrays import device
 from ..scene.cells import grid_cells
 from ..scene.light import flash, uniform
@@ -93,9 +93,7 @@ def _seen(r: Reconstruction, position: np.ndarray, normal: np.ndarray) -> np.nda
     directions = device(mi.Vector3f, grid_cells(*_CELLS).direction)
     point, up = device(mi.Point3f, position), device(mi.Vector3f, normal)
     bits = trace(Mesh(r.face.mesh.vertices, r.face.mesh.triangles).scene, point, up, up, directions)
-    words = bits.numpy().reshape(-1, len(position)).T.copy()
-    count = dr.width(directions)
-    return np.unpackbits(words.view(np.uint8), axis=1, count=count, bitorder="little").T
+    return unpacked(bits, len(position), dr.width(directions))
 
 
 def _bitsets(seen: np.ndarray) -> np.ndarray:

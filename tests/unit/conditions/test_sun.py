@@ -138,6 +138,8 @@ def test_a_larger_photo_has_sharper_edges_and_the_same_shadow() -> None:
     assert fit is not None
     sun = sun_shadow(reduced.problem, reduced.surface, fit, large.observation, SunShadow())
     assert sun.visibility.shape == (320, 320)
+    corners = np.ix_([0, -1], [0, -1])
+    assert (sun.remaining[corners] == 1).all()
     told = (sun.visibility > 0.5) == (large.visible > 0.5)
     assert told[large.faced].mean() > 0.93
 
