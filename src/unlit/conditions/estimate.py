@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from ..face.conditions import Conditions, Shadow
 from ..face.gain import AlbedoGain
 from ..face.head import FittedHead
@@ -29,8 +31,9 @@ def estimate_conditions(
 
     Raises SettingsError where a grey card cannot be read.
     """
+    white = np.full(3, illuminant.exposure(source), np.float32)
     sun = _sun(photo, head, settings)
-    conditions = _light_color(photo, head, source, settings, Conditions(shadow=sun))
+    conditions = _light_color(photo, head, source, settings, Conditions(white, shadow=sun))
     if sun is not None or settings.cast_shadow.mode == "keep":
         return conditions
     seen = observation(photo, head, conditions)
@@ -63,6 +66,8 @@ def _light_color(
     elif (stated := illuminant.stated(asked)) is not None:
         color = stated
     else:
-        color, found = estimated_color(observation(photo, head, Conditions()), settings)
+        seen = observation(photo, head, Conditions(known.light_color))
+        color, found = estimated_color(seen, settings)
     face = photo.image[photo.regions.face > 0.5]
-    return replace(known, light_color=illuminant.fitting(color, face), light_estimate=found)
+    color = illuminant.fitting(color * known.light_color, face)
+    return replace(known, light_color=color, light_estimate=found)

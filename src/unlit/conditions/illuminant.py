@@ -21,6 +21,9 @@ _XYZ_TO_SRGB = np.array(
 )
 # Side of the square that a grey card's pixel stands for, as a part of the photo's longer side.
 _CARD = 0.01
+# A photo's brightest: this percentile of its largest channel. Linear, what that is at least in a
+# photo that is not dim; and what the dimmest photo's white has.
+_BRIGHTEST, _USUAL, _DIMMEST = 99.5, 0.6, 1e-3
 #: Encoded values between which a card's colour can be read.
 _READABLE = (0.02, 0.99)
 
@@ -73,6 +76,15 @@ def fitting(color: np.ndarray, face: np.ndarray) -> np.ndarray:
         return color
     brightest = float(np.percentile((face / color).max(axis=1), 99))
     return (color * max(brightest, 1.0)).astype(np.float32)
+
+
+def exposure(photo: Photo) -> float:
+    """What white has in `photo`, linear; 1 but in a dim photo.
+
+    What is brightest in a photo that was exposed as photos are is near white, whatever it shows.
+    """
+    brightest = float(np.percentile(photo.pixels.max(axis=2), _BRIGHTEST))
+    return float(np.clip(brightest / _USUAL, _DIMMEST, 1.0))
 
 
 def of_temperature(kelvin: float) -> np.ndarray:

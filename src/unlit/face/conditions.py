@@ -46,9 +46,9 @@ class Shadow:
 
 @dataclass(frozen=True)
 class Conditions:
-    """light_color: (3,) float32 linear sRGB, > 0. light_estimate: None where it was not estimated.
-
-    shadow: None where none was found.
+    """light_color: (3,) float32 linear sRGB, > 0, what white in full light has in the photo: below
+    1 where the photo is dim. light_estimate: None where the colour was not estimated. shadow: None
+    where none was found.
     """
 
     light_color: np.ndarray = field(default_factory=WHITE.copy)

@@ -128,7 +128,7 @@ def normal_l2(perturbation: Any) -> Any:
     return dr.sum(dr.squared_norm(perturbation)) / _count(perturbation)
 
 
-def gloss_l1(log_specular: Any, nominal: float, s: Any, weight: Any) -> Any:
+def gloss_l1(log_specular: Any, nominal: Any, s: Any, weight: Any) -> Any:
     """Weighted mean of |rho_s - nominal| S: gloss that departs from a clean skin surface's.
 
     s: mi.Float or mi.Color3f, width P.

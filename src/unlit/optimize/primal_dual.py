@@ -18,6 +18,7 @@ from ..color import UNCLIPPED
 from ..machine.runtime import mitsuba
 from ..scene.arrays import at_least, at_most
 from ..settings.settings import Settings
+from .gloss_level import GlossLevel
 from .losses import Neighbours, encode
 
 mi = mitsuba()
@@ -65,8 +66,8 @@ class PrimalDual:
         self.neighbours, self.target, self.settings = neighbours, target, settings
         bounds = encode(mi.Float(_DARKEST, settings.max_diffuse)).numpy()
         self.bounds = tuple(float(bound) for bound in bounds)
-        self.nominal = float(dr.log(settings.nominal_specular))
-        self.most_specular = float(dr.log(settings.max_specular))
+        #: Set anew by whoever knows the shading better.
+        self.gloss = GlossLevel.of(settings)
         self.diffuse = encode(dr.exp(state["log_diffuse"]))
         self.log_specular = mi.Float(state["log_specular"])
         self.begin = mi.Color3f(self.diffuse)
@@ -121,11 +122,13 @@ class PrimalDual:
         by_gloss = dr.sum(pull * by_specular)
         level = self.log_specular - pace * (forces[3] + by_gloss)
         # The cost of gloss, per unit of log specular albedo at the nominal level.
-        cost = self.settings.specular_cost * self.settings.nominal_specular
+        nominal, most_specular = self.gloss.log()
+        cost = self.settings.specular_cost * dr.exp(nominal)
         cost = cost * weight * dr.mean(mi.Color3f(s))
-        level = _towards(level, self.nominal, pace * cost)
-        level += self._of_all(by_gloss, image / 3 * weight * dr.sum(by_specular), cost)
-        level = at_most(level, self.most_specular)
+        level = _towards(level, nominal, pace * cost)
+        most = image / 3 * weight * dr.sum(by_specular)
+        level += self._of_all(by_gloss, most, cost, self.log_specular - nominal)
+        level = at_most(level, most_specular)
         self.ahead = (2 * moved - self.diffuse, 2 * level - self.log_specular)
         self.diffuse, self.log_specular = moved, level
         dr.eval(moved, level, self.ahead)
@@ -164,13 +167,13 @@ class PrimalDual:
             forces.append(left + above - right - below)
         return forces
 
-    def _of_all(self, by_gloss: Any, most: Any, cost: Any) -> Any:
+    def _of_all(self, by_gloss: Any, most: Any, cost: Any, away: Any) -> Any:
         """The step that log specular albedo takes as a whole, which smoothness does not hold.
 
         The steps of single texels have to be so short, for their neighbours, that they would never
-        move it. by_gloss, most: the pull of the image on each texel, and the most it can be.
+        move it. by_gloss, most: the pull of the image on each texel, and the most it can be. away:
+        from the nominal level.
         """
-        away = self.log_specular - self.nominal
         cost = cost * dr.clip(away / _LEVEL, -1, 1)
         share = dr.sum(by_gloss + cost) / dr.fmax(dr.sum(most), 1e-6)
         return -_LEVEL * dr.clip(share, -1, 1)

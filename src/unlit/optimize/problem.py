@@ -29,8 +29,9 @@ class Problem:
 
     gain: that of albedo, for inter-reflection. report: called with every loss that is read.
     As attributes: hits: what the P pixels see now; pixel: (P,) int64, row-major. target:
-    mi.Color3f, the sRGB-encoded photo, censored; weight: mi.Float >= 0, sum 1; roughness: mi.Float,
-    Beckmann alpha; all of width P. regions: (P, 4) float32, sum 1.
+    mi.Color3f, the sRGB-encoded photo, censored; weakest: mi.Float, its weakest channel, linear;
+    weight: mi.Float >= 0, sum 1; roughness: mi.Float, Beckmann alpha; all of width P. regions:
+    (P, 4) float32, sum 1.
 
     Raises ValueError when the mesh and the mask do not overlap, or nothing there has any weight.
     """
@@ -59,6 +60,8 @@ class Problem:
         if not observation.weight[self.fitted].any():
             self.fitted = self.inside
         self.target = censored(self.color(encode_srgb(observation.image)))
+        weakest = observation.image.min(axis=2).ravel()[self.pixel]
+        self.weakest = device(mi.Float, weakest)
         weight = observation.weight.ravel()[self.pixel].astype(np.float64)
         if not weight.sum() > 0:
             raise ValueError("all of the face that the head covers lies in a shadow")

@@ -109,10 +109,10 @@ class Shading:
 class LightSample:
     """An even sample of the pixels, enough for the light's few unknowns (stages 1 to 3).
 
-    rows: (N,) uint32, which of the P pixels; target, weight: the problem's there, the weights
-    summing to 1. Its transport is tabulated once, so that the light's gradient is two matrix
-    products; the indirect light of `shading` is taken as it stands at each call. spread: carries
-    its values to all P pixels.
+    rows: (N,) uint32, which of the P pixels; target, weakest, weight: the problem's there, the
+    weights summing to 1. Its transport is tabulated once, so that the light's gradient is two
+    matrix products; the indirect light of `shading` is taken as it stands at each call. spread:
+    carries its values to all P pixels.
     """
 
     def __init__(self, problem: Problem, shading: Shading) -> None:
@@ -124,10 +124,10 @@ class LightSample:
         points, bits = shading.points.gather(self.index), shading.bits_of(self.index)
         self.transport = Transport(points, shading.quadrature, bits)
         self._all = (problem, shading.points)
-        self.target = self.of(problem.target)
+        self.target, self.weakest = self.of(problem.target), self.of(problem.weakest)
         self.weight = self.of(problem.weight)
         self.weight /= dr.sum(self.weight)
-        dr.eval(self.target, self.weight)
+        dr.eval(self.target, self.weakest, self.weight)
 
     @cached_property
     def spread(self) -> _Spread:

@@ -56,6 +56,8 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
         if refreshed:
             e, _ = sample.transport.shade(light.known)
             run.normalize_light(e + sample.of(shading.indirect[0]))
+            _, s = sample.transport.shade(light.known)
+            run.judge_gloss(s + sample.of(shading.indirect[1]), sample.weakest)
             shading.update(light.known.numpy(), problem.maps(spread()))
         e, s = sample.transport.shade(light.radiance)
         e, s = e + sample.of(shading.indirect[0]), s + sample.of(shading.indirect[1])
@@ -66,7 +68,9 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
         mean = dr.mean(dr.mean(e))
         level = dr.detach(mean) if refreshed else level
         gain = mean / level
-        loss += gloss_loss(settings, log_specular + dr.log(gain), s / gain, sample.weight)
+        loss += gloss_loss(
+            settings, run.gloss, log_specular + dr.log(gain), s / gain, sample.weight
+        )
         run.step(loss)
         light.step()
         run.report(iteration, lambda loss=loss: loss)

@@ -43,6 +43,7 @@ def stage2(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
             shading.update(known, problem.maps(run.result(estimate, *names)))
             e, s = shading.shade(known)
             weight = trusted(problem, e, run.shading_error)
+            run.judge_gloss(s, problem.weakest)
             dr.eval(e, s)
             sample.hold(shading, *sample.transport.shade(device(mi.Float, known)))
         now = (e, s)

@@ -113,6 +113,8 @@ def stage3(problem: Problem, estimate: Estimate, shading: Shading) -> tuple[Esti
                 e, _ = linear.sampled(light.known)
                 run.normalize_light(e + linear.sample.of(linear.shading.indirect[0]))
             linear.refresh(vertices, light.known, problem.maps(run.result(estimate, *names)))
+            specular = linear.local.specular + linear.shading.indirect[1]
+            run.judge_gloss(specular, problem.weakest)
         e, s = linear.shade(vertices)
         if run.solver is not None:
             factors = linear.sample.changed(*linear.sampled(light.known))

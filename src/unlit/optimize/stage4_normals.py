@@ -47,6 +47,7 @@ def _normals_and_albedo(
             local = linearize(shading.points, shading.quadrature, shading.bits, radiance)
             shading.update(radiance, problem.maps(run.result(estimate, *names)))
             weight = trusted(problem, local.diffuse + shading.indirect[0], run.shading_error)
+            run.judge_gloss(local.specular + shading.indirect[1], problem.weakest)
         e, s = local.shade(diffuse_normal, specular_normal)
         e, s = e + shading.indirect[0], s + shading.indirect[1]
         now = (dr.detach(e), dr.detach(s), weight)

@@ -17,6 +17,7 @@ from ..scene.lobes import CellRadiance
 from ..settings.settings import Settings
 from ..settings.table1 import Stage
 from .estimate import Estimate
+from .gloss_level import GlossLevel
 from .light_steps import LightSteps
 from .losses import encode, gloss_l1, image_l1, total_variation
 from .optimizer import Adam
@@ -51,6 +52,7 @@ class StageRun:
         self.problem, self.name, self.light, self.solver = problem, name, light, solver
         self.settings: Settings = problem.settings
         self.stage: Stage = getattr(problem.settings, name)
+        self.gloss = GlossLevel.of(self.settings)
         #: Whether the loss has stopped changing.
         self.converged = False
         self._reported: float | None = None
@@ -90,7 +92,7 @@ class StageRun:
             dr.backward(loss)
         adam.step()
         if self.solver is None:
-            adam["log_specular"] = at_most(adam["log_specular"], np.log(settings.max_specular))
+            adam["log_specular"] = at_most(adam["log_specular"], self.gloss.log()[1])
             adam["log_diffuse"] = at_most(adam["log_diffuse"], np.log(settings.max_diffuse))
 
     def report(self, iteration: int, loss: Callable[[], Any]) -> None:
@@ -103,6 +105,12 @@ class StageRun:
                 self.converged = abs(value - self._reported) < least * self._reported
             self._reported = value
             self.problem.report(self.name, iteration + 1, iterations, value)
+
+    def judge_gloss(self, s: Any, weakest: Any) -> None:
+        """Bound gloss by what the weakest channel of the photo leaves under the shading S."""
+        self.gloss = GlossLevel.of(self.settings, s, weakest)
+        if self.solver is not None:
+            self.solver.gloss = self.gloss
 
     def normalize_light(self, e: Any) -> None:
         """Fix the gain between light and albedo by the diffuse shading E, as `with_unit_light`."""
@@ -128,7 +136,7 @@ class StageRun:
         image = rendered(log_diffuse, log_specular, e, s)
         loss = stage.image * image_l1(image, problem.target, weight)
         loss += smoothness_loss(stage, problem, log_diffuse, log_specular, self._detail)
-        return loss + gloss_loss(problem.settings, log_specular, s, weight)
+        return loss + gloss_loss(problem.settings, self.gloss, log_specular, s, weight)
 
     def loss_after_maps(self, e: Any, s: Any, weight: Any) -> Any:
         """What mesh and normals are to go down of, as a function of the shading E, S.
@@ -194,9 +202,11 @@ def smoothness_loss(
     return unit * (diffuse + specular)
 
 
-def gloss_loss(settings: Settings, log_specular: Any, s: Any, weight: Any) -> Any:
+def gloss_loss(
+    settings: Settings, gloss: GlossLevel, log_specular: Any, s: Any, weight: Any
+) -> Any:
     """Of two explanations that fit alike, the one with the gloss of plain skin."""
-    return settings.specular_cost * gloss_l1(log_specular, settings.nominal_specular, s, weight)
+    return settings.specular_cost * gloss_l1(log_specular, dr.exp(gloss.log()[0]), s, weight)
 
 
 def trust(e: Any, error: Any) -> Any:

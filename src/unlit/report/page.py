@@ -12,7 +12,6 @@ from string import Template
 
 import tomli_w
 
-from ..color import is_white
 from ..conditions.illuminant import temperature
 from ..evaluate.metrics import psnr
 from ..face.gain import peak_luminance
@@ -132,7 +131,7 @@ def _facts(r: Reconstruction) -> dict[str, str]:
 
 
 def _light_color(r: Reconstruction) -> str:
-    if is_white(r.light.color):
+    if r.light.color.min() == r.light.color.max():
         return "taken for white"
     numbers = ", ".join(f"{value:.3f}" for value in r.light.color)
     return f"{numbers} (linear RGB), nearest to {temperature(r.light.color):.0f} K"
@@ -143,7 +142,8 @@ def _gain(r: Reconstruction) -> str:
     known = r.settings.exposure.text
     how = f"set by {known}"
     if known == AUTO:
-        how = f"by convention, a white card in full light would be {1 / r.gain:.1f} times as "
+        card = r.light.color.max() / r.gain
+        how = f"by convention, a white card in full light would be {card:.2g} times as "
         how += "bright as the photo's white"
     text = f"albedo and light share one gain, which no photo tells: {how}"
     unit = r.photo.white_luminance

@@ -102,6 +102,9 @@ class Settings:
     #: Upper bound of the specular albedo, far above any skin's: dark skin in a bright exposure has
     #: a high one, since albedo is relative to the best-lit skin.
     max_specular: Positive = 20.0
+    #: Most of the weakest channel, in the median of the pixels, that gloss may take: so that a warm
+    #: light, or a dim photo, does not leave an albedo without blue.
+    gloss_share: Annotated[float, Meta(gt=0, le=1)] = 0.6
     #: Upper bound of the diffuse albedo during a stage, where the best-lit skin has E = 1: no skin
     #: returns more light than falls on it, and that convention of E may be off by so much. What is
     #: saved has another gain (face/gain.py).

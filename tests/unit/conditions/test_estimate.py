@@ -17,8 +17,10 @@ from unlit.photo.photo import Photo
 
 
 def estimated(seen: FacePhoto, **chosen: object) -> Conditions:
+    """With something white elsewhere in the photo."""
     settings = tiny_run.settings(**chosen)
-    return estimate_conditions(seen, tiny_run.head(), Photo.of(seen.image), settings)
+    source = Photo.of(np.ones((60, 90, 3), np.float32))
+    return estimate_conditions(seen, tiny_run.head(), source, settings)
 
 
 def test_above_is_towards_the_hairline(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -73,6 +75,22 @@ def test_a_light_to_be_found(monkeypatch: pytest.MonkeyPatch) -> None:
     conditions = estimated(tiny_run.photo(), light_color="auto")
     np.testing.assert_array_equal(conditions.light_color, lamp)
     assert conditions.light_estimate is about
+
+
+def test_a_dim_photo_is_seen_as_bright_as_others() -> None:
+    """What white has in it is part of the light's colour; the face becomes what it would be."""
+    seen, settings = tiny_run.photo(), tiny_run.settings()
+    pixels = np.zeros((60, 90, 3), np.float32)
+    pixels[:30] = 0.75
+    bright, dim = (
+        estimate_conditions(replace(seen, image=seen.image * k), tiny_run.head(), source, settings)
+        for k, source in ((1.0, Photo.of(pixels)), (0.125, Photo.of(0.125 * pixels)))
+    )
+    np.testing.assert_array_equal(bright.light_color, np.ones(3))
+    white = 0.125 * 0.75 / 0.6
+    np.testing.assert_allclose(dim.light_color, white, rtol=1e-6)
+    balanced = dim.balanced(0.125 * seen.image)
+    np.testing.assert_allclose(balanced, seen.image * 0.6 / 0.75, rtol=1e-5)
 
 
 def test_a_grey_card_is_read_in_the_photo() -> None:

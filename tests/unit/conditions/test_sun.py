@@ -202,7 +202,9 @@ def test_modes(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def of(mode: str) -> Conditions:
         chosen = tiny_run.settings(**{"sun.mode": mode, "cast_shadow.mode": "auto"})
-        return estimate_conditions(seen, tiny_run.head(), Photo.of(seen.image), chosen)
+        return estimate_conditions(
+            seen, tiny_run.head(), Photo.of(np.ones_like(seen.image)), chosen
+        )
 
     # What the sun explains is not looked for as another shadow.
     assert of("never").shadow is other and not asked

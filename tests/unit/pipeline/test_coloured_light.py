@@ -37,7 +37,7 @@ REFLECTANCE = (
 def estimated(seen: FacePhoto, settings: Settings) -> Steps:
     """Steps for a photo that is its own crop: only its light is not known."""
     known = tiny_run.steps(seen)
-    source = Photo.of(seen.image)
+    source = Photo.of(np.ones_like(seen.image))  # something white beside the face
 
     def conditions(photo: Any, head: Any, settings: Settings) -> Any:
         return estimate_conditions(photo, head, source, settings)
