@@ -23,7 +23,7 @@ _XYZ_TO_SRGB = np.array(
 _CARD = 0.01
 # A photo's brightest: this percentile of its largest channel. Linear, what that is at least in a
 # photo that is not dim; and what the dimmest photo's white has.
-_BRIGHTEST, _USUAL, _DIMMEST = 99.5, 0.6, 1e-3
+_BRIGHTEST, _USUAL, _DIMMEST = 99.9, 0.7, 1e-3
 #: Encoded values between which a card's colour can be read.
 _READABLE = (0.02, 0.99)
 

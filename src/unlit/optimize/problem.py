@@ -113,6 +113,16 @@ class Problem:
             self.image(estimate.perturbation, "zero"),
         )
 
+    def bent_normals(self, maps: Maps) -> tuple[Any, Any]:
+        """The mesh's normals bent by the maps' perturbation, mi.Vector3f: diffuse, specular."""
+        mesh_normal = self.points().specular_normal
+
+        def bent(perturbation: np.ndarray) -> Any:
+            rows = perturbation.reshape(-1, 3)[self.pixel]
+            return dr.normalize(mesh_normal + device(mi.Vector3f, rows))
+
+        return bent(maps.diffuse_perturbation()), bent(maps.perturbation)
+
     def move(self, vertices: Any) -> None:
         """Move the mesh; pixels that no longer hit it keep the triangle they saw last."""
         self.mesh.set_vertices(vertices)

@@ -19,6 +19,7 @@ from ..scene.arrays import device
 from ..scene.cells import SphereCells, grid_cells, refine
 from ..scene.light import grid_lobes
 from .estimate import Estimate
+from .fine_detail import with_fine_detail
 from .problem import Problem
 from .shading import Shading
 from .stage1_base_color import stage1
@@ -120,5 +121,6 @@ def run_stages(
         estimate = ended("stage4", stage4(problem, estimate, shading), shading)
     if done < 5:
         estimate = with_unit_light(problem, stage5(problem, estimate, shading), shading)
+        estimate = with_fine_detail(problem, estimate, shading)
         estimate = ended("stage5", estimate, shading)
     return estimate, shading

@@ -7,7 +7,6 @@ import sys
 from dataclasses import replace
 from typing import Any
 
-import drjit as dr
 import numpy as np
 
 from ..face.conditions import Conditions
@@ -23,7 +22,6 @@ from ..optimize.problem import Problem
 from ..optimize.run_record import RunRecord
 from ..optimize.shading import Shading
 from ..optimize.solve import Solution
-from ..scene.arrays import device
 from ..scene.lobes import CellRadiance
 from ..scene.maps import Maps
 
@@ -44,10 +42,10 @@ def assemble(
     """
     problem, estimate = solution.problem, solution.estimate
     maps = problem.maps(estimate)
-    normals = _normals(problem, maps)
+    diffuse_normal, specular_normal = problem.bent_normals(maps)
     gain, images = 1.0, Images(*(np.zeros((*problem.inside.shape, 3), np.float32),) * 3)
     if solution.shading is not None:
-        points = problem.points(normals["diffuse"], normals["specular"])
+        points = problem.points(diffuse_normal, specular_normal)
         shading = solution.shading.at(points)
         gain, estimate, e, s = _with_final_gain(problem, shading, estimate, maps)
         maps = problem.maps(estimate)
@@ -61,7 +59,10 @@ def assemble(
             photo.camera,
             replace(head.mesh, vertices=np.ascontiguousarray(estimate.vertices.numpy().T)),
             maps,
-            Normals(**{name: problem.image(n, "zero") for name, n in normals.items()}),
+            Normals(
+                specular=problem.image(specular_normal, "zero"),
+                diffuse=problem.image(diffuse_normal, "zero"),
+            ),
             mask,
         ),
         replace(estimate.light(), color=conditions.light_color),
@@ -73,17 +74,6 @@ def assemble(
     if solution.shading is None:
         return result
     return replace(result, metrics=replace(result.metrics, warnings=warnings(result)))
-
-
-def _normals(problem: Problem, maps: Maps) -> dict[str, Any]:
-    """The mesh's normals bent by the perturbation (mi.Vector3f, P), specular and diffuse."""
-    mesh_normal = problem.points().specular_normal
-
-    def bent(perturbation: np.ndarray) -> Any:
-        rows = perturbation.reshape(-1, 3)[problem.pixel]
-        return dr.normalize(mesh_normal + device(mi.Vector3f, rows))
-
-    return {"specular": bent(maps.perturbation), "diffuse": bent(maps.diffuse_perturbation())}
 
 
 def _with_final_gain(

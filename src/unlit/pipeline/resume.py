@@ -11,6 +11,7 @@ from ..errors import SettingsError
 from ..face.reconstruction import Reconstruction
 from ..optimize.estimate import Estimate
 from ..optimize.problem import Problem
+from ..optimize.relief import before_relief
 from ..optimize.run_record import RunRecord
 from ..optimize.stages import Begin
 from ..progress.callbacks import StageProgress, silent
@@ -100,7 +101,7 @@ def _estimate(problem: Problem, result: Reconstruction) -> Estimate:
             "vertices": result.face.mesh.vertices,
             "log_diffuse": np.log(np.maximum(rows(maps.diffuse_albedo) / gain, _LEAST)),
             "log_specular": np.log(np.maximum(rows(maps.specular_albedo) / gain, _LEAST)),
-            "perturbation": rows(maps.perturbation),
+            "perturbation": before_relief(problem, rows(maps.perturbation), result.settings.detail),
             "axis": light.axis,
             "log_sharpness": np.log(np.maximum(light.sharpness, _LEAST)),
             "log_amplitude": np.log(np.maximum(light.amplitude * gain, _LEAST_LIGHT)),

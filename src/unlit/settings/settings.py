@@ -16,6 +16,7 @@ from msgspec import Meta, ValidationError
 
 from ..errors import SettingsError
 from .conditions import AUTO, CastShadow, KnownExposure, LightColorEstimate, LightColorRequest
+from .detail import FineDetail
 from .fit import LandmarkFit, OutlineFit, ShadingFit
 from .ranges import Count, Positive, Share, Weight, converted, expected, is_table
 from .sun import SunSearch, SunShadow
@@ -71,6 +72,7 @@ class Settings:
     exposure: KnownExposure = field(default_factory=partial(KnownExposure, AUTO))
     sun: SunSearch = field(default_factory=SunSearch)
     sun_shadow: SunShadow = field(default_factory=SunShadow)
+    detail: FineDetail = field(default_factory=FineDetail)
     cast_shadow: CastShadow = field(default_factory=CastShadow)
     #: Of the short stage 1 that an estimate of the light's colour and cast shadows are seen in.
     first_stage_iterations: Count = 100

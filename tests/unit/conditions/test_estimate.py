@@ -87,10 +87,10 @@ def test_a_dim_photo_is_seen_as_bright_as_others() -> None:
         for k, source in ((1.0, Photo.of(pixels)), (0.125, Photo.of(0.125 * pixels)))
     )
     np.testing.assert_array_equal(bright.light_color, np.ones(3))
-    white = 0.125 * 0.75 / 0.6
+    white = 0.125 * 0.75 / 0.7
     np.testing.assert_allclose(dim.light_color, white, rtol=1e-6)
     balanced = dim.balanced(0.125 * seen.image)
-    np.testing.assert_allclose(balanced, seen.image * 0.6 / 0.75, rtol=1e-5)
+    np.testing.assert_allclose(balanced, seen.image * 0.7 / 0.75, rtol=1e-5)
 
 
 def test_a_grey_card_is_read_in_the_photo() -> None:

@@ -15,6 +15,10 @@ from unlit.output.edits import edited
 from unlit.output.load import load
 from unlit.output.save import save
 from unlit.pipeline.resume import check_resumable, resume
+from unlit.settings.detail import FineDetail
+
+#: The last stage is the end.
+PLAIN = FineDetail(relief=1.0, most=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -23,8 +27,8 @@ def face():
 
 
 def still(*stages: int):
-    """Settings without any iteration in these stages."""
-    chosen = tiny_run.settings()
+    """Settings without any iteration in these stages, or what follows the last."""
+    chosen = replace(tiny_run.settings(), detail=PLAIN)
     names = [f"stage{k}" for k in stages]
     return replace(chosen, **{n: replace(getattr(chosen, n), iterations=0) for n in names})
 
@@ -65,6 +69,7 @@ def test_a_shadow_is_taken_out_and_put_back(face):
 
 def test_a_painted_albedo_is_the_start(face, tmp_path):
     """Without an iteration it comes back as painted: the gain is undone and given again."""
+    face = changed(face, {"settings.detail": PLAIN})
     with pytest.MonkeyPatch.context() as patch:
         save_quickly(patch)
         save(face, tmp_path / "a")

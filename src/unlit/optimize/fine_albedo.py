@@ -1,0 +1,49 @@
+"""The finest detail of well-lit skin: what smoothness has taken from it, back from the photo.
+
+The smoothness of stages 2 to 5 keeps shading out of the albedo. Shading is coarse; at the finest
+scales it takes pores and freckles instead. There the albedo is the photo over the shading:
+
+    rho_d' = rho_d exp(w fine(ln((I - rho_s S) / (rho_d E))))
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..settings.detail import FineDetail
+from .problem import Problem
+from .relief import local_mean
+
+_WIDTH = 512
+#: Diffuse shading between which pixels begin to count; the least share of the photo that the body
+#: of the skin has.
+_LIT = (0.08, 0.2)
+_BODY = 0.3
+_LEAST = 1e-5
+
+
+def fine_albedo(
+    problem: Problem,
+    albedo: np.ndarray,
+    gloss: np.ndarray,
+    e: np.ndarray,
+    settings: FineDetail,
+) -> np.ndarray:
+    """Diffuse albedo (P, 3) with the finest detail of the photo.
+
+    albedo: (P, 3) diffuse. gloss: (P, 3), rho_s S. e: (P, 3) diffuse shading, where the best-lit
+    skin has 1.
+    """
+    image = problem.observation.image.reshape(-1, 3)[problem.pixel]
+    level = e.mean(axis=1)
+    recorded = (image.max(axis=1) < 0.98) & (image.min(axis=1) > 1e-3) & (level > _LIT[0])
+    lit = np.clip((level - _LIT[0]) / (_LIT[1] - _LIT[0]), 0, 1)
+    shown = 1 - np.clip(gloss.mean(axis=1) / np.maximum(image.mean(axis=1), 1e-4), 0, 1)
+    given = problem.observation.weight.ravel()[problem.pixel]
+    weight = np.where(recorded, given * lit * shown, 0)
+    body = np.maximum(image - gloss, _BODY * image)
+    left = np.log(np.maximum(body, _LEAST) / np.maximum(albedo * e, _LEAST))
+    sigma = settings.albedo_length * problem.camera.width / _WIDTH
+    fine = left - local_mean(problem, left, weight, sigma)
+    fine = np.clip(fine, -settings.most, settings.most)
+    return np.asarray(albedo * np.exp(weight[:, None] * fine), np.float32)

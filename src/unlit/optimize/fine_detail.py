@@ -1,0 +1,46 @@
+"""After stage 5: the finest detail of the photo, in normals and albedo (paper, section 3.5)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from ..machine.runtime import mitsuba
+from ..scene.arrays import device
+from ..scene.lobes import CellRadiance
+from .estimate import Estimate
+from .fine_albedo import fine_albedo
+from .problem import Problem
+from .relief import with_relief
+from .shading import Shading
+
+mi = mitsuba()
+
+
+def with_fine_detail(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
+    """First the relief, then the albedo under its shading; `shading` is left with its normals."""
+    settings = problem.settings.detail
+    radiance = CellRadiance(shading.cells).of(estimate.light())
+
+    def shades(estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
+        """E and rho_s S, (P, 3)."""
+        maps = problem.maps(estimate)
+        shading.points = problem.points(*problem.bent_normals(maps))
+        shading.update(radiance, maps)
+        e, s = shading.shade(radiance)
+        return _rows(e), _rows(dr.exp(estimate.log_specular) * s)
+
+    e, _ = shades(estimate)
+    relief = with_relief(problem, _rows(estimate.perturbation), e.mean(axis=1), settings)
+    estimate = replace(estimate, perturbation=device(mi.Vector3f, relief))
+    e, gloss = shades(estimate)
+    albedo = np.exp(_rows(estimate.log_diffuse))
+    albedo = fine_albedo(problem, albedo, gloss, e, settings)
+    return replace(estimate, log_diffuse=device(mi.Color3f, np.log(albedo)))
+
+
+def _rows(values: Any) -> np.ndarray:
+    return np.asarray(values.numpy().T)

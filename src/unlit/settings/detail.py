@@ -1,0 +1,27 @@
+"""What stage 5 leaves of the photo's finest detail, and where it goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .ranges import Positive, Share, Weight
+
+
+@dataclass(frozen=True)
+class FineDetail:
+    """Lengths: pixels of a crop of 512.
+
+    relief: what the fine part of the normal perturbation is multiplied with, 1 leaves it as stages
+        4 and 5 have it. relief_length: what is finer is fine. darkest: E below which nothing is
+        told of normals, where full light is 1. pigment: how many times the usual contrast of
+        colour marks a pigment, whose edges are no relief.
+    albedo_length: what is finer than this goes from the photo into the diffuse albedo. most: of it,
+        the largest difference of ln albedo.
+    """
+
+    relief: Weight = 3.0
+    relief_length: Positive = 8.0
+    darkest: Share = 0.15
+    pigment: Positive = 3.0
+    albedo_length: Positive = 2.0
+    most: Weight = 0.2
