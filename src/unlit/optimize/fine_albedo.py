@@ -15,9 +15,10 @@ from .problem import Problem
 from .relief import local_mean
 
 _WIDTH = 512
-#: Diffuse shading between which pixels begin to count; the least share of the photo that the body
-#: of the skin has.
+#: Diffuse shading between which pixels begin to count; shares of gloss between which they cease
+#: to; the least share of the photo that the body of the skin has.
 _LIT = (0.08, 0.2)
+_GLOSSY = (0.3, 0.8)
 _BODY = 0.3
 _LEAST = 1e-5
 
@@ -38,7 +39,8 @@ def fine_albedo(
     level = e.mean(axis=1)
     recorded = (image.max(axis=1) < 0.98) & (image.min(axis=1) > 1e-3) & (level > _LIT[0])
     lit = np.clip((level - _LIT[0]) / (_LIT[1] - _LIT[0]), 0, 1)
-    shown = 1 - np.clip(gloss.mean(axis=1) / np.maximum(image.mean(axis=1), 1e-4), 0, 1)
+    share = gloss.mean(axis=1) / np.maximum(image.mean(axis=1), 1e-4)
+    shown = 1 - np.clip((share - _GLOSSY[0]) / (_GLOSSY[1] - _GLOSSY[0]), 0, 1)
     given = problem.observation.weight.ravel()[problem.pixel]
     weight = np.where(recorded, given * lit * shown, 0)
     body = np.maximum(image - gloss, _BODY * image)
