@@ -37,15 +37,13 @@ from unlit.evaluate.protocol import exposure
 from unlit.evaluate.table import Table, markdown
 from unlit.evaluate.truth import KnownSubject, visible_surface
 from unlit.face.face import Face, Normals, PosedMesh
-from unlit.face.head import FittedHead
-from unlit.face.photo import FacePhoto
 from unlit.head.sources.library import default_model
 from unlit.optimize.run_record import RunRecord
 from unlit.output.images import bytes_of, encoded, png
 from unlit.photo.photo import Photo
-from unlit.pipeline.chain import fitting, run_chain, steps_of
+from unlit.pipeline.chain import fitting, known_mesh, run_chain, steps_of
 from unlit.render.relighter import Relighter
-from unlit.settings.settings import PRESETS, Settings
+from unlit.settings.settings import PRESETS
 from unlit.storage.folder import write_one
 
 _FINE = 8.0  # pixels of 512
@@ -103,12 +101,8 @@ def figures(
 ) -> tuple[dict[str, float], np.ndarray]:
     """What the module's docstring names (energy in absolute terms), and the picture."""
     truth, size = subject.truth, len(image)
-
-    def true_head(seen: FacePhoto, _: Settings) -> FittedHead:
-        return FittedHead.of_mesh(*subject.mesh(), seen.landmarks)
-
     settings = replace(PRESETS["standard"], resolution=size)
-    head = true_head if true_mesh else fitting(default_model())
+    head = known_mesh(*subject.mesh()) if true_mesh else fitting(default_model())
     steps = steps_of(Photo.of(encoded(image), subject.name), head, camera=subject.camera)
     made = run_chain(steps, settings, RunRecord(lambda *_: None))
     face, e = made.face, luminance(made.images.diffuse_shading)

@@ -24,19 +24,17 @@ import numpy as np
 from sun import sitters
 
 import unlit
-from unlit.color import encode_srgb
 from unlit.conditions.illuminant import of_temperature
 from unlit.evaluate.command import light
 from unlit.evaluate.metrics import best_gain, psnr
 from unlit.evaluate.protocol import exposure
 from unlit.evaluate.table import Table, markdown
 from unlit.evaluate.truth import KnownSubject
-from unlit.face.head import FittedHead
-from unlit.face.photo import FacePhoto
 from unlit.head.sources.library import default_model
 from unlit.optimize.run_record import RunRecord
+from unlit.output.images import encoded
 from unlit.photo.photo import Photo
-from unlit.pipeline.chain import fitting, run_chain, steps_of
+from unlit.pipeline.chain import fitting, known_mesh, run_chain, steps_of
 from unlit.settings.conditions import LightColorRequest
 from unlit.settings.settings import PRESETS, Settings
 from unlit.storage.folder import write_one
@@ -52,7 +50,7 @@ def camera(image: np.ndarray, seed: int = 0) -> np.ndarray:
     """(H, W, 3) uint8 sRGB of linear `image`."""
     rng = np.random.default_rng(seed)
     noise = rng.standard_normal(image.shape) * _NOISE * np.sqrt(1 + np.maximum(image, 0) * 4)
-    return np.round(encode_srgb(np.clip(image + noise, 0, 1)) * 255).astype(np.uint8)
+    return encoded(image + noise)
 
 
 def figures(
@@ -60,11 +58,7 @@ def figures(
 ) -> dict[str, float]:
     """Of one photo, linear (H, W, 3): what the module's docstring names."""
     truth = subject.truth
-
-    def true_head(seen: FacePhoto, _: Settings) -> FittedHead:
-        return FittedHead.of_mesh(*subject.mesh(), seen.landmarks)
-
-    head = true_head if true_mesh else fitting(default_model())
+    head = known_mesh(*subject.mesh()) if true_mesh else fitting(default_model())
     steps = steps_of(Photo.of(camera(image), subject.name), head, camera=subject.camera)
     made = run_chain(steps, settings, RunRecord(lambda *_: None))
     face = made.face

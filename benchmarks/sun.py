@@ -45,20 +45,18 @@ from unlit.evaluate.metrics import best_gain, channel_gains, psnr
 from unlit.evaluate.protocol import exposure
 from unlit.evaluate.table import Table, markdown
 from unlit.evaluate.truth import KnownSubject
-from unlit.face.head import FittedHead
-from unlit.face.photo import FacePhoto
 from unlit.head.sources.library import default_model
 from unlit.machine.runtime import mitsuba
 from unlit.optimize.run_record import RunRecord
 from unlit.output.images import bytes_of, encoded, png
 from unlit.perception.landmarks import choose, find_faces
 from unlit.photo.photo import Photo
-from unlit.pipeline.chain import fitting, run_chain, steps_of
+from unlit.pipeline.chain import fitting, known_mesh, run_chain, steps_of
 from unlit.render.reference import trace
 from unlit.render.relighter import Relighter
 from unlit.scene.arrays import device
 from unlit.scene.light import RASTER, disc, latlong_directions, latlong_solid_angles
-from unlit.settings.settings import PRESETS, Settings
+from unlit.settings.settings import PRESETS
 from unlit.storage.folder import write_one
 
 mi = mitsuba()
@@ -174,7 +172,7 @@ class Sitter:
         picture = camera(shot.image)
         photo = Photo.of(picture, self.name)
         began = time.perf_counter()
-        head = self._true_head if true_mesh else fitting(default_model())
+        head = known_mesh(*self.subject.mesh()) if true_mesh else fitting(default_model())
         steps = steps_of(photo, head, camera=self.subject.camera)
         made = run_chain(steps, SETTINGS, RunRecord(lambda *_: None))
         seconds = time.perf_counter() - began
@@ -197,9 +195,6 @@ class Sitter:
         shadow = np.repeat(np.nan_to_num(shot.visibility, nan=0.5)[..., None], 3, axis=2)
         panels = [picture / 255, *(encode_srgb(x * mask[..., None]) for x in (one, true)), shadow]
         return {name: round(float(x), 3) for name, x in found.items()}, bytes_of(np.hstack(panels))
-
-    def _true_head(self, seen: FacePhoto, _: Settings) -> FittedHead:
-        return FittedHead.of_mesh(*self.subject.mesh(), seen.landmarks)
 
 
 def _open(bodies: dict[str, Any], position: np.ndarray, direction: np.ndarray) -> np.ndarray:

@@ -31,7 +31,7 @@ def estimate_conditions(
 
     Raises SettingsError where a grey card cannot be read.
     """
-    white = np.full(3, illuminant.exposure(source), np.float32)
+    white = np.full(3, illuminant.white_level(source), np.float32)
     sun = _sun(photo, head, settings)
     conditions = _light_color(photo, head, source, settings, Conditions(white, shadow=sun))
     if sun is not None or settings.cast_shadow.mode == "keep":

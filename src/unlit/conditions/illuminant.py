@@ -78,7 +78,7 @@ def fitting(color: np.ndarray, face: np.ndarray) -> np.ndarray:
     return (color * max(brightest, 1.0)).astype(np.float32)
 
 
-def exposure(photo: Photo) -> float:
+def white_level(photo: Photo) -> float:
     """What white has in `photo`, linear; 1 but in a dim photo.
 
     What is brightest in a photo that was exposed as photos are is near white, whatever it shows.

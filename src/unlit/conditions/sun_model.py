@@ -50,10 +50,10 @@ class SkinSample:
     def of(problem: Problem, normal: np.ndarray, settings: SunSearch) -> SkinSample | None:
         """normal: (P, 3) of the problem's pixels. None where too little plain skin is seen."""
         seen = problem.observation
-        image = seen.image.reshape(-1, 3)[problem.pixel]
-        regions = seen.regions.reshape(-1, seen.regions.shape[2])[problem.pixel]
+        image = problem.rows(seen.image)
+        regions = problem.rows(seen.regions)
         plain = (regions[:, 0] > 0.7) & (regions[:, 1:4].sum(axis=1) < 0.15)
-        plain &= seen.fitted.ravel()[problem.pixel]
+        plain &= problem.rows(seen.fitted)
         plain &= (image.min(axis=1) > settings.darkest) & (image.max(axis=1) < settings.brightest)
         rows = np.flatnonzero(plain)
         if len(rows) < settings.samples / 10:

@@ -16,15 +16,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import SubjectError
-from ..face.head import FittedHead
-from ..face.photo import FacePhoto
 from ..face.reconstruction import Reconstruction
 from ..head.model import HeadModel
 from ..head.sources.library import head_model, model_key
 from ..optimize.run_record import RunRecord
 from ..output.images import encoded
 from ..photo.photo import Photo
-from ..pipeline.chain import fitting, run_chain, steps_of
+from ..pipeline.chain import fitting, known_mesh, run_chain, steps_of
 from ..pipeline.identity import identity_of
 from ..progress.callbacks import StageProgress, silent
 from ..render.relighter import path_traced
@@ -214,13 +212,10 @@ class Study:
 
     def _reconstruct(self, name: str, photo: np.ndarray, settings: Settings) -> Reconstruction:
         source, camera = Photo.of(photo, name), self.subject.camera
-        fit = self._true_head if self.true_mesh else fitting(self._head)
+        fit = known_mesh(*self.subject.mesh()) if self.true_mesh else fitting(self._head)
         steps = steps_of(source, fit, _FACE, camera=camera)
         with self.running(name) as progress:
             return run_chain(steps, settings, RunRecord(progress))
-
-    def _true_head(self, seen: FacePhoto, _: Settings) -> FittedHead:
-        return FittedHead.of_mesh(*self.subject.mesh(), seen.landmarks)
 
 
 def map_errors(face: Reconstruction, subject: KnownSubject, mask: np.ndarray) -> dict[str, Any]:

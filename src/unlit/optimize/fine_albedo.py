@@ -11,10 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..settings.detail import FineDetail
+from .fine_scale import local_mean, recorded
 from .problem import Problem
-from .relief import local_mean
 
-_WIDTH = 512
 #: Diffuse shading between which pixels begin to count; shares of gloss between which they cease
 #: to; the least share of the photo that the body of the skin has.
 _LIT = (0.08, 0.2)
@@ -35,17 +34,15 @@ def fine_albedo(
     albedo: (P, 3) diffuse. gloss: (P, 3), rho_s S. e: (P, 3) diffuse shading, where the best-lit
     skin has 1.
     """
-    image = problem.observation.image.reshape(-1, 3)[problem.pixel]
+    image = problem.rows(problem.observation.image)
     level = e.mean(axis=1)
-    recorded = (image.max(axis=1) < 0.98) & (image.min(axis=1) > 1e-3) & (level > _LIT[0])
     lit = np.clip((level - _LIT[0]) / (_LIT[1] - _LIT[0]), 0, 1)
     share = gloss.mean(axis=1) / np.maximum(image.mean(axis=1), 1e-4)
     shown = 1 - np.clip((share - _GLOSSY[0]) / (_GLOSSY[1] - _GLOSSY[0]), 0, 1)
-    given = problem.observation.weight.ravel()[problem.pixel]
-    weight = np.where(recorded, given * lit * shown, 0)
+    given = problem.rows(problem.observation.weight)
+    weight = np.where(recorded(image), given * lit * shown, 0)
     body = np.maximum(image - gloss, _BODY * image)
     left = np.log(np.maximum(body, _LEAST) / np.maximum(albedo * e, _LEAST))
-    sigma = settings.albedo_length * problem.camera.width / _WIDTH
-    fine = left - local_mean(problem, left, weight, sigma)
+    fine = left - local_mean(problem, left, weight, settings.albedo_length)
     fine = np.clip(fine, -settings.most, settings.most)
     return np.asarray(albedo * np.exp(weight[:, None] * fine), np.float32)

@@ -8,6 +8,7 @@ that channel, and the albedo there 0 (docs/method.md, 8).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import drjit as dr
@@ -41,6 +42,7 @@ class GlossLevel:
             most = min(most, max(settings.gloss_share * float(np.median(share)), _LEAST))
         return GlossLevel(min(settings.nominal_specular, most), most)
 
+    @cached_property
     def log(self) -> tuple[Any, Any]:
         """Both as ln, mi.Float; opaque, or every photo would have its own compiled kernels."""
         return dr.opaque(mi.Float, np.log(self.nominal)), dr.opaque(mi.Float, np.log(self.most))

@@ -66,8 +66,6 @@ class PrimalDual:
         self.neighbours, self.target, self.settings = neighbours, target, settings
         bounds = encode(mi.Float(_DARKEST, settings.max_diffuse)).numpy()
         self.bounds = tuple(float(bound) for bound in bounds)
-        #: Set anew by whoever knows the shading better.
-        self.gloss = GlossLevel.of(settings)
         self.diffuse = encode(dr.exp(state["log_diffuse"]))
         self.log_specular = mi.Float(state["log_specular"])
         self.begin = mi.Color3f(self.diffuse)
@@ -97,14 +95,15 @@ class PrimalDual:
         s: Any,
         weight: Any,
         unseen: Any,
+        gloss: GlossLevel,
         image: float,
         smooth_diffuse: float,
         smooth_specular: float,
     ) -> None:
         """One step up of what pulls, one step down of the maps, under the shading E, S.
 
-        weight: of the pixels, mean 1. unseen: how little they say, 0 to 1. image, smooth_diffuse,
-        smooth_specular: of the terms.
+        weight: of the pixels, mean 1. unseen: how little they say, 0 to 1. gloss: its levels.
+        image, smooth_diffuse, smooth_specular: of the terms.
         """
         limits: list[Any] = [dr.opaque(mi.Float, smooth_diffuse / 3)] * 3
         limits.append(dr.opaque(mi.Float, smooth_specular))
@@ -122,7 +121,7 @@ class PrimalDual:
         by_gloss = dr.sum(pull * by_specular)
         level = self.log_specular - pace * (forces[3] + by_gloss)
         # The cost of gloss, per unit of log specular albedo at the nominal level.
-        nominal, most_specular = self.gloss.log()
+        nominal, most_specular = gloss.log
         cost = self.settings.specular_cost * dr.exp(nominal)
         cost = cost * weight * dr.mean(mi.Color3f(s))
         level = _towards(level, nominal, pace * cost)

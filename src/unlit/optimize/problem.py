@@ -60,14 +60,14 @@ class Problem:
         if not observation.weight[self.fitted].any():
             self.fitted = self.inside
         self.target = censored(self.color(encode_srgb(observation.image)))
-        weakest = observation.image.min(axis=2).ravel()[self.pixel]
-        self.weakest = device(mi.Float, weakest)
-        weight = observation.weight.ravel()[self.pixel].astype(np.float64)
+        weakest = observation.image.min(axis=2)
+        self.weakest = device(mi.Float, self.rows(weakest))
+        weight = self.rows(observation.weight).astype(np.float64)
         if not weight.sum() > 0:
             raise ValueError("all of the face that the head covers lies in a shadow")
         self.weight = device(mi.Float, weight / weight.sum())
         self.neighbours = Neighbours.of(self.pixel, self.camera.width, self.camera.height)
-        regions = observation.regions.reshape(-1, len(REGIONS))[self.pixel].astype(np.float64)
+        regions = self.rows(observation.regions).astype(np.float64)
         regions /= np.maximum(regions.sum(axis=1, keepdims=True), 1e-6)
         self.regions = regions.astype(np.float32)
         table = [getattr(settings, f"{name}_roughness") for name in REGIONS]
@@ -76,14 +76,14 @@ class Problem:
     @property
     def fitted_rows(self) -> np.ndarray:
         """(N,) uint32: which of the P pixels are `fitted`."""
-        return np.flatnonzero(self.fitted.ravel()[self.pixel]).astype(np.uint32)
+        return np.flatnonzero(self.rows(self.fitted)).astype(np.uint32)
 
     def __len__(self) -> int:
         return len(self.pixel)
 
     def color(self, image: np.ndarray) -> Any:
         """mi.Color3f of width P from an image (H, W, 3)."""
-        return device(mi.Color3f, image.reshape(-1, 3)[self.pixel])
+        return device(mi.Color3f, self.rows(image))
 
     def image(self, values: Any, background: str = "nearest") -> np.ndarray:
         """(H, W) or (H, W, 3) float32 image of Dr.Jit values of width P; the rest nearest or 0."""
@@ -96,6 +96,10 @@ class Problem:
         out = np.zeros((shape[0] * shape[1], *rows.shape[1:]), dtype=np.float32)
         out[self.pixel] = rows
         return out.reshape(*shape, *rows.shape[1:])
+
+    def rows(self, image: np.ndarray) -> np.ndarray:
+        """Rows (P,) or (P, C) of an image (H, W) or (H, W, C): what `image_of` undoes."""
+        return np.asarray(image.reshape(-1, *image.shape[2:])[self.pixel])
 
     def albedo_gain(self, albedo: np.ndarray) -> float:
         """What makes diffuse albedo (H, W, 3), as the stages hold it, the skin's.
@@ -118,8 +122,7 @@ class Problem:
         mesh_normal = self.points().specular_normal
 
         def bent(perturbation: np.ndarray) -> Any:
-            rows = perturbation.reshape(-1, 3)[self.pixel]
-            return dr.normalize(mesh_normal + device(mi.Vector3f, rows))
+            return dr.normalize(mesh_normal + device(mi.Vector3f, self.rows(perturbation)))
 
         return bent(maps.diffuse_perturbation()), bent(maps.perturbation)
 

@@ -8,23 +8,19 @@ no chromaticity, which pigments do. What both leave is scaled up.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from scipy import ndimage
 
 from ..perception.regions import REGIONS
 from ..scene.height import PixelFrames
 from ..settings.detail import FineDetail
+from .fine_scale import local_mean, recorded
 from .problem import Problem
 
-#: Width of the crop that the settings' lengths are for, pixels.
-_WIDTH = 512
 #: Grazing surfaces, whose pixels hold little of them: the cosines between which trust grows to 1.
 _GRAZING = (0.15, 0.5)
 #: Skin and lips have relief that is seen; brows and eyes have hair and gloss.
 _SURE = 0.9
-#: Blur of chroma against noise, and reach of a pigment's edge.
+#: Blur of chroma against noise, and reach of a pigment's edge; pixels of a crop of 512.
 _CHROMA_BLUR, _PIGMENT_REACH = 0.7, 1.2
 
 
@@ -35,9 +31,9 @@ def with_relief(
 
     e: (P,) diffuse shading, mean of the channels; the best-lit skin has 1.
     """
-    fine = fine_part(problem, perturbation, settings)
     if settings.relief == 1:
         return perturbation
+    fine = fine_part(problem, perturbation, settings)
     frames = pixel_frames(problem)
     low, high = _GRAZING
     facing = np.clip((frames.facing - low) / (high - low), 0, 1)
@@ -58,22 +54,7 @@ def before_relief(problem: Problem, perturbation: np.ndarray, settings: FineDeta
 
 def fine_part(problem: Problem, values: np.ndarray, settings: FineDetail) -> np.ndarray:
     """Of rows (P, C), what is finer than the settings' length."""
-    sigma = settings.relief_length * problem.camera.width / _WIDTH
-    return values - local_mean(problem, values, np.ones(len(values)), sigma)
-
-
-def local_mean(
-    problem: Problem, values: np.ndarray, weight: np.ndarray, sigma: float
-) -> np.ndarray:
-    """Mean of rows (P, C) or (P,) around each pixel, by `weight` (P,) and a Gaussian, pixels."""
-
-    def blurred(rows: np.ndarray) -> np.ndarray:
-        image = problem.image_of(np.asarray(rows, np.float32))
-        smooth: Any = ndimage.gaussian_filter(image, (sigma, sigma, 0)[: image.ndim])
-        return np.asarray(smooth.reshape(-1, *image.shape[2:])[problem.pixel])
-
-    total, share = blurred((values.T * weight).T), blurred(weight)
-    return (total.T / np.maximum(share, 1e-3)).T
+    return values - local_mean(problem, values, np.ones(len(values)), settings.relief_length)
 
 
 def pixel_frames(problem: Problem) -> PixelFrames:
@@ -85,25 +66,21 @@ def pixel_frames(problem: Problem) -> PixelFrames:
 
 def _has_relief(problem: Problem) -> np.ndarray:
     """(P,) bool: skin and lips that the photo recorded."""
-    image = problem.observation.image.reshape(-1, 3)[problem.pixel]
     shares = problem.regions[:, REGIONS.index("skin")] + problem.regions[:, REGIONS.index("lips")]
-    recorded = (image.max(axis=1) < 0.98) & (image.min(axis=1) > 1e-3)
-    return np.asarray((shares > _SURE) & recorded & (problem.weight.numpy() > 0))
+    seen = recorded(problem.rows(problem.observation.image)) & (problem.weight.numpy() > 0)
+    return np.asarray((shares > _SURE) & seen)
 
 
 def _no_pigment(problem: Problem, seen: np.ndarray, settings: FineDetail) -> np.ndarray:
     """(P,) in [0, 1]: 0 where colour changes more than it does elsewhere on this skin."""
     if not seen.any():
         return np.ones(len(seen))
-    unit = problem.camera.width / _WIDTH
-    image = problem.observation.image.reshape(-1, 3)[problem.pixel]
-    logs = np.log(np.maximum(image, 2e-3))
+    logs = np.log(np.maximum(problem.rows(problem.observation.image), 2e-3))
     ratios = np.stack([logs[:, 0] - logs[:, 1], (logs[:, 1] - logs[:, 2]) / 1.5], axis=1)
     weight = seen.astype(np.float32)
-    rough = settings.relief_length / 2 * unit
-    fine = ratios - local_mean(problem, ratios, weight, rough)
-    fine = local_mean(problem, fine, weight, _CHROMA_BLUR * unit)
+    fine = ratios - local_mean(problem, ratios, weight, settings.relief_length / 2)
+    fine = local_mean(problem, fine, weight, _CHROMA_BLUR)
     contrast = (fine**2).sum(axis=1)
     usual = np.sqrt(np.median(contrast[seen]))
-    near = np.sqrt(local_mean(problem, contrast, weight, _PIGMENT_REACH * unit))
+    near = np.sqrt(local_mean(problem, contrast, weight, _PIGMENT_REACH))
     return np.asarray(1 / (1 + (near / max(settings.pigment * usual, 1e-6)) ** 4))

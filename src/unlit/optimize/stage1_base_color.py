@@ -84,7 +84,7 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
 def _starting_colors(problem: Problem, sample: LightSample, light: LightSteps) -> tuple[Any, Any]:
     """Log base colours that give each region its median colour under the starting light."""
     e, _ = sample.transport.shade(light.known)
-    image = problem.observation.image.reshape(-1, 3)[problem.pixel[sample.rows]]
+    image = problem.rows(problem.observation.image)[sample.rows]
     level = float(np.median(e.numpy()))
     colours = []
     evident = sample.weight.numpy() > 0

@@ -92,7 +92,7 @@ class StageRun:
             dr.backward(loss)
         adam.step()
         if self.solver is None:
-            adam["log_specular"] = at_most(adam["log_specular"], self.gloss.log()[1])
+            adam["log_specular"] = at_most(adam["log_specular"], self.gloss.log[1])
             adam["log_diffuse"] = at_most(adam["log_diffuse"], np.log(settings.max_diffuse))
 
     def report(self, iteration: int, loss: Callable[[], Any]) -> None:
@@ -109,8 +109,6 @@ class StageRun:
     def judge_gloss(self, s: Any, weakest: Any) -> None:
         """Bound gloss by what the weakest channel of the photo leaves under the shading S."""
         self.gloss = GlossLevel.of(self.settings, s, weakest)
-        if self.solver is not None:
-            self.solver.gloss = self.gloss
 
     def normalize_light(self, e: Any) -> None:
         """Fix the gain between light and albedo by the diffuse shading E, as `with_unit_light`."""
@@ -153,6 +151,7 @@ class StageRun:
             *now,
             weight * len(self.problem),
             unseen,
+            self.gloss,
             stage.image,
             unit * stage.diffuse_smoothness * settings.diffuse_smoothness_scale,
             unit * stage.specular_smoothness * settings.specular_smoothness_scale,
@@ -206,7 +205,7 @@ def gloss_loss(
     settings: Settings, gloss: GlossLevel, log_specular: Any, s: Any, weight: Any
 ) -> Any:
     """Of two explanations that fit alike, the one with the gloss of plain skin."""
-    return settings.specular_cost * gloss_l1(log_specular, dr.exp(gloss.log()[0]), s, weight)
+    return settings.specular_cost * gloss_l1(log_specular, dr.exp(gloss.log[0]), s, weight)
 
 
 def trust(e: Any, error: Any) -> Any:

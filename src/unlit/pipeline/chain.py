@@ -81,6 +81,11 @@ def fitting(model: HeadModel) -> FitHead:
     return lambda seen, settings: fit_head(seen, model, settings)
 
 
+def known_mesh(vertices: np.ndarray, triangles: np.ndarray) -> FitHead:
+    """The step that takes a mesh which is known, as for `FittedHead.of_mesh`."""
+    return lambda seen, _: FittedHead.of_mesh(vertices, triangles, seen.landmarks)
+
+
 def run_chain(
     steps: Steps,
     settings: Settings,

@@ -93,9 +93,7 @@ def _estimate(problem: Problem, result: Reconstruction) -> Estimate:
     """`result` as the stages left it."""
     gain, maps, light = np.float32(result.gain), result.face.maps, result.light
 
-    def rows(image: np.ndarray) -> np.ndarray:
-        return image.reshape(-1, *image.shape[2:])[problem.pixel]
-
+    rows = problem.rows
     return Estimate.of(
         {
             "vertices": result.face.mesh.vertices,

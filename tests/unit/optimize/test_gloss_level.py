@@ -30,7 +30,7 @@ def test_gloss_leaves_something_of_the_weakest_channel(brightness: float) -> Non
     level = GlossLevel.of(settings, mi.Float(s), mi.Float(weakest))
     assert level.nominal == level.most < 1
     assert np.median(level.most * s / weakest) == pytest.approx(0.5, rel=0.05)
-    nominal, most = level.log()
+    nominal, most = level.log
     assert nominal.numpy() == most.numpy() == pytest.approx(np.log(level.most))
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from unlit.color import encode_srgb
 from unlit.machine.runtime import mitsuba
+from unlit.optimize.gloss_level import GlossLevel
 from unlit.optimize.losses import Neighbours, encode, gloss_l1, image_l1, total_variation
 from unlit.optimize.optimizer import Adam
 from unlit.optimize.primal_dual import PrimalDual, decode, encoding_slope
@@ -68,7 +69,7 @@ def run(patch: Patch, solver: PrimalDual, steps: int) -> list[float]:
     weight = dr.full(mi.Float, 1.0, patch.count)
     values = [patch.value(solver)]
     for _ in range(steps):
-        solver.step(patch.e, patch.s, weight, SEEN, *TERMS)
+        solver.step(patch.e, patch.s, weight, SEEN, GlossLevel.of(patch.settings), *TERMS)
         values.append(patch.value(solver))
     return values
 
@@ -84,7 +85,7 @@ def test_what_is_not_seen_stays_as_it_was(patch: Patch) -> None:
         weight = mi.Float(np.where(dark, 0.0, 2.0).astype(np.float32))
         unseen = mi.Float(dark.astype(np.float32))
         for _ in range(300):
-            solver.step(patch.e, patch.s, weight, unseen, *TERMS)
+            solver.step(patch.e, patch.s, weight, unseen, GlossLevel.of(patch.settings), *TERMS)
         albedo = np.exp(solver.log_diffuse.numpy())
         assert np.abs(albedo[:, ~dark] - 0.3).max() > 0.02
         moved = np.abs(albedo[:, dark] - 0.3).max()
@@ -163,7 +164,7 @@ def test_gloss_that_nothing_asks_for_goes_to_the_nominal_level(patch: Patch) -> 
         for _ in range(1500):
             # The photo is what is rendered, whatever that is.
             solver.target = encode(decode(solver.ahead[0]) * patch.e + dr.exp(solver.ahead[1]) * s)
-            solver.step(patch.e, gloss, weight, SEEN, *TERMS)
+            solver.step(patch.e, gloss, weight, SEEN, GlossLevel.of(patch.settings), *TERMS)
         assert np.exp(solver.log_specular.numpy()) == pytest.approx(level, rel=1e-3)
 
 
