@@ -118,7 +118,7 @@ class ShadingProblem:
         # One at a time: the cells of the light are those of the start that was begun last.
         others = (self.begin(self.problem.turned(state, turn)) for turn in turns)
         for begun in itertools.chain([start], others):
-            end = None if begun is None else self.descend(*begun[:2])
+            end = None if begun is None else self.descend(*begun[:2], lowest)
             if end is not None and end[1] < lowest:
                 best, lowest = end
         return fit if best is None else self.problem.fit(best, mouth_closed)
@@ -129,16 +129,25 @@ class ShadingProblem:
         sample = self.sample(state)
         return None if sample is None else (sample, *self.solve_light(sample, None))
 
-    def descend(self, sample: _Sample, appearance: _Appearance) -> tuple[State, float] | None:
-        """Where the steps from a start lead, and the cost there; None where no skin is seen."""
-        for _ in range(self.settings.joint_steps):
-            state, appearance = self.joint_step(sample, appearance)
+    def descend(
+        self, sample: _Sample, appearance: _Appearance, highest: float
+    ) -> tuple[State, float] | None:
+        """Where the steps from a start lead, and the cost there; None where no skin is seen.
+
+        Shadows are held where they are while a step is made, so that steps may be too long. Where
+        they end above the cost `highest`, the best state on the way is taken.
+        """
+        way = []
+        for step in range(self.settings.joint_steps):
+            state, moved, photometric = self.joint_step(sample, appearance)
+            if step:
+                way.append((sample.seen.state, self.cost(sample.seen.state, photometric)))
             if (seen := self.sample(state)) is None:
                 return None
-            sample = seen
-        return sample.seen.state, self.cost(
-            sample.seen.state, self.solve_light(sample, appearance)[1]
-        )
+            sample, appearance = seen, moved
+        state = sample.seen.state
+        end = (state, self.cost(state, self.solve_light(sample, appearance)[1]))
+        return end if end[1] < highest else min([end, *way], key=lambda at: at[1])
 
     def cost(self, state: State, photometric: float) -> float:
         """All that is minimised: `photometric`, the landmarks' and outline's cost, the prior's."""
@@ -238,18 +247,20 @@ class ShadingProblem:
         light = np.concatenate([light[~which], np.tile(light[which], 4), appearance.light[-1:]])
         return replace(appearance, light=light)
 
-    def joint_step(self, sample: _Sample, appearance: _Appearance) -> tuple[State, _Appearance]:
-        """One damped Gauss-Newton step of everything."""
+    def joint_step(
+        self, sample: _Sample, appearance: _Appearance
+    ) -> tuple[State, _Appearance, float]:
+        """One damped Gauss-Newton step of everything; the photometric cost before it."""
         problem, state = self.problem, sample.seen.state
         system = _System(self, sample)
-        matrix, gradient, _ = system.equations(appearance, self.jacobian)
+        matrix, gradient, before = system.equations(appearance, self.jacobian)
         first = len(matrix) - 6 - len(problem.basis)
         of_landmarks = problem.equations(state)
         precision, current, low, high = self.prior(state)
         matrix[first:, first:] += of_landmarks[0] + np.diag(precision)
         gradient[first:] += of_landmarks[1] + precision * current
         appearance, move = system.solve(appearance, matrix, gradient, low, high)
-        return state.moved(move), appearance
+        return state.moved(move), appearance, before
 
 
 class _System:

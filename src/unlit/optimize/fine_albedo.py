@@ -11,14 +11,13 @@ from __future__ import annotations
 import numpy as np
 
 from ..settings.detail import FineDetail
-from .fine_scale import local_mean, recorded
+from .fine_scale import body_of, local_mean, recorded
 from .problem import Problem
 
 #: Diffuse shading between which pixels begin to count; shares of gloss between which they cease
-#: to; the least share of the photo that the body of the skin has.
+#: to.
 _LIT = (0.08, 0.2)
 _GLOSSY = (0.3, 0.8)
-_BODY = 0.3
 _LEAST = 1e-5
 
 
@@ -41,8 +40,8 @@ def fine_albedo(
     shown = 1 - np.clip((share - _GLOSSY[0]) / (_GLOSSY[1] - _GLOSSY[0]), 0, 1)
     given = problem.rows(problem.observation.weight)
     weight = np.where(recorded(image), given * lit * shown, 0)
-    body = np.maximum(image - gloss, _BODY * image)
-    left = np.log(np.maximum(body, _LEAST) / np.maximum(albedo * e, _LEAST))
+    body = np.maximum(body_of(image, gloss), _LEAST)
+    left = np.log(body / np.maximum(albedo * e, _LEAST))
     fine = left - local_mean(problem, left, weight, settings.albedo_length)
     fine = np.clip(fine, -settings.most, settings.most)
     return np.asarray(albedo * np.exp(weight[:, None] * fine), np.float32)

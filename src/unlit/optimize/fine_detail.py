@@ -15,6 +15,7 @@ from .estimate import Estimate
 from .fine_albedo import fine_albedo
 from .problem import Problem
 from .relief import with_relief
+from .shade_detail import with_detail_of_shade
 from .shading import Shading
 
 mi = mitsuba()
@@ -39,6 +40,7 @@ def with_fine_detail(problem: Problem, estimate: Estimate, shading: Shading) -> 
     e, gloss = shades(estimate)
     albedo = np.exp(_rows(estimate.log_diffuse))
     albedo = fine_albedo(problem, albedo, gloss, e, settings)
+    albedo = with_detail_of_shade(problem, albedo, gloss, e, settings)
     return replace(estimate, log_diffuse=device(mi.Color3f, np.log(albedo)))
 
 

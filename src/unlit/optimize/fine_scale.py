@@ -12,7 +12,9 @@ from .problem import Problem
 #: Width of the crop that lengths are for, pixels.
 _WIDTH = 512
 #: Linear values between which a photo's channels say what they are.
-_RECORDED = (1e-3, 0.98)
+_CRUSHED, _SATURATED = 1e-3, 0.98
+#: The least share of the photo that the body of the skin has.
+_BODY = 0.3
 _LEAST_SHARE = 1e-3
 
 
@@ -36,5 +38,15 @@ def local_mean(
 
 def recorded(image: np.ndarray) -> np.ndarray:
     """(P,) bool: which of the photo's pixels (P, 3), linear, are neither crushed nor saturated."""
-    low, high = _RECORDED
-    return np.asarray((image.max(axis=1) < high) & (image.min(axis=1) > low))
+    return np.asarray(~saturated(image) & (image.min(axis=1) > _CRUSHED))
+
+
+def saturated(image: np.ndarray) -> np.ndarray:
+    """(P,) bool: which of the photo's pixels (P, 3), linear, may have been brighter."""
+    return np.asarray(image.max(axis=1) >= _SATURATED)
+
+
+def body_of(image: np.ndarray, gloss: np.ndarray) -> np.ndarray:
+    """What the body of the skin has of the photo (P, 3), its gloss (P, 3) taken out: never below
+    a share of it, since gloss is not known so well."""
+    return np.maximum(image - gloss, _BODY * image)

@@ -17,6 +17,9 @@ class FineDetail:
         colour marks a pigment, whose edges are no relief.
     albedo_length: what is finer than this goes from the photo into the diffuse albedo. most: of it,
         the largest difference of ln albedo.
+    shade: E below which all detail that is finer than shade_length goes there, and from which none
+        does. shade_error: differences of ln albedo on skin that shading may have made; shade_range:
+        what is left of them at most, darker and brighter.
     """
 
     relief: Weight = 3.0
@@ -25,3 +28,7 @@ class FineDetail:
     pigment: Positive = 3.0
     albedo_length: Positive = 2.0
     most: Weight = 0.2
+    shade: tuple[Positive, Positive] = (0.15, 0.45)
+    shade_length: Positive = 32.0
+    shade_error: Weight = 0.12
+    shade_range: tuple[float, float] = (-1.2, 0.4)

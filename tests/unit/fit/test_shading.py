@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import drjit as dr
 import numpy as np
@@ -151,6 +152,32 @@ def test_several_starts_find_the_turn_of_a_face_half_in_shadow(head: HeadModel) 
         return np.degrees(Rotation.from_matrix(found.state.rotation @ state.rotation.T).magnitude())
 
     assert off(ShadingFit()) < 3 < 6 < off(ShadingFit(turns=()))
+
+
+def test_steps_that_go_too_far_keep_the_best_on_the_way(
+    head: HeadModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state = truth(head, 15)
+    image, regions = photograph(head, state, disc((0.5, 0.3, 0.8)))
+    wrong = turned_away(state, -5)
+    problem = LandmarkProblem(head, seen(head, wrong), CAMERA, LandmarkFit(), bias=NO_ERROR)
+    fit = problem.fit(wrong, mouth_closed=False)
+    shading = ShadingProblem(problem, image, regions, ShadingFit())
+    step, made = shading.joint_step, []
+
+    def too_far(*start: Any) -> Any:
+        state, *rest = step(*start)
+        made.append(start)
+        return turned_away(state, -40) if len(made) == 4 else state, *rest
+
+    monkeypatch.setattr(shading, "joint_step", too_far)
+    better = shading.solve(fit, False)
+    assert len(made) == ShadingFit().joint_steps
+    off = [
+        np.degrees(Rotation.from_matrix(x.state.rotation @ state.rotation.T).magnitude())
+        for x in (fit, better)
+    ]
+    assert off[1] < 0.7 * off[0]
 
 
 def test_even_light_keeps_the_landmarks_mesh(head: HeadModel) -> None:
