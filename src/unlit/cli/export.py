@@ -12,7 +12,7 @@ from .parser import command
 EXPORTS = ("glb", "obj", "ply", "mitsuba", "blender")
 MAPS = (
     *("diffuse_albedo", "specular_albedo", "roughness"),
-    *("specular_normal", "diffuse_normal", "confidence"),
+    *("specular_normal", "diffuse_normal", "displacement", "confidence"),
 )
 
 

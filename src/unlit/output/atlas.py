@@ -13,9 +13,9 @@ are filled, and `confidence` says how:
     PLAIN      no neighbour that was seen: a constant, see _PLAIN
 
 Filled values are shifted to meet the measured ones at the boundary. Normals are in the tangent
-space of tangent.py (y up: OpenGL), bent only where the photo or its mirror image says so. There
-is no displacement map: the mesh is the whole shape. Beyond the edges of the layout's charts
-every map holds its nearest texel, so that neither filtering nor mipmaps show a seam.
+space of tangent.py (y up: OpenGL), bent only where the photo or its mirror image says so, and the
+same holds for the displacement. Beyond the edges of the layout's charts every map holds its
+nearest texel, so that neither filtering nor mipmaps show a seam.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba
 from ..scene.arrays import where
 from ..scene.mesh import Mesh, surface
+from .displacement import displacement
 from .geometry import Welded, welded
 from .parts import EYES, INSIDE, SKIN, components, parts
 
@@ -50,9 +51,10 @@ _DECAY = 0.6  # of what is continued, from one level of a pyramid to the next fi
 _STRAIGHTEST = 0.05  # least z of a tangent-space normal
 
 # Channels while baking: log albedo (3), log specular albedo, log roughness, then the slopes x / z
-# and y / z of the specular and of the diffuse normal. Logarithms keep what is filled in positive.
-_LOGS, _SLOPES = slice(0, 5), slice(5, 9)
-_MIRROR_SIGN = np.array([1, 1, 1, 1, 1, -1, 1, -1, 1], dtype=np.float32)
+# and y / z of the specular and of the diffuse normal, and the displacement. Logarithms keep what is
+# filled in positive.
+_LOGS, _HEIGHT, _CHANNELS = slice(0, 5), 9, 10
+_MIRROR_SIGN = np.array([1, 1, 1, 1, 1, -1, 1, -1, 1, 1], dtype=np.float32)
 _DARKEST = 1e-3
 # Where nothing is known of a part: skin mid-grey, eyes the white of an eye, mouth dark red.
 # Linear albedo, specular albedo, roughness; ours.
@@ -74,6 +76,7 @@ class Atlas:
 
     diffuse_albedo: (N, N, 3) linear sRGB. specular_albedo, roughness: (N, N), as in
     Reconstruction. specular_normal, diffuse_normal: (N, N, 3) unit, tangent space, y up.
+    displacement: (N, N) mm over the mesh along its unit normal, > 0 outwards; 0 where not known.
     confidence: (N, N) uint8, one of PLAIN, DIFFUSED, MIRRORED, GRAZING, SEEN.
     part: (F,) uint8, the part of each triangle (parts.py). mesh: what the tangents belong to.
     """
@@ -83,6 +86,7 @@ class Atlas:
     roughness: np.ndarray
     specular_normal: np.ndarray
     diffuse_normal: np.ndarray
+    displacement: np.ndarray
     confidence: np.ndarray
     part: np.ndarray
     mesh: Welded
@@ -95,7 +99,7 @@ def bake(reconstruction: Reconstruction, size: int) -> Atlas:
     part = parts(r.face.mesh.vertices, r.face.mesh.triangles, r.face.mesh.triangle_uv)
     texels = _texels(mesh, size)
     texel_part = part[texels.triangle]
-    values = np.zeros((size * size, 9), dtype=np.float32)
+    values = np.zeros((size * size, _CHANNELS), dtype=np.float32)
     level = np.zeros(size * size, dtype=np.uint8)
     photo = _Photo(r, part)
     near = np.flatnonzero(photo.may_show(mesh, texels))
@@ -107,7 +111,7 @@ def bake(reconstruction: Reconstruction, size: int) -> Atlas:
         level[chunk.index[seen]] = np.where(cosine[seen] < _GRAZING_COSINE, GRAZING, SEEN)
     part_image = np.full(size * size, 255, dtype=np.uint8)
     part_image[texels.index] = texel_part
-    grid, levels = values.reshape(size, size, 9), level.reshape(size, size)
+    grid, levels = values.reshape(size, size, _CHANNELS), level.reshape(size, size)
     where = part_image.reshape(size, size)
     axis = _mirror_axis(r.face.mesh.uv, r.face.mesh.triangle_uv[part == SKIN])
     if axis is not None:
@@ -130,11 +134,11 @@ def _atlas(grid: np.ndarray, levels: np.ndarray, part: np.ndarray, mesh: Welded)
         up = np.concatenate([slopes, np.ones_like(slopes[..., :1])], axis=-1)
         return up / np.linalg.norm(up, axis=-1, keepdims=True)
 
-    diffuse, specular, roughness = map(
-        np.ascontiguousarray, (linear[..., :3], linear[..., 3], linear[..., 4])
+    diffuse, specular, roughness, height = map(
+        np.ascontiguousarray, (linear[..., :3], linear[..., 3], linear[..., 4], grid[..., _HEIGHT])
     )
     normals = normal(grid[..., 5:7]), normal(grid[..., 7:9])
-    return Atlas(diffuse, specular, roughness, *normals, levels, part, mesh)
+    return Atlas(diffuse, specular, roughness, *normals, height, levels, part, mesh)
 
 
 @dataclass(frozen=True)
@@ -216,7 +220,8 @@ class _Photo:
         maps = r.face.maps
         positive = np.dstack([maps.diffuse_albedo, maps.specular_albedo, maps.roughness])
         logs = np.log(np.maximum(positive, _DARKEST))
-        channels = np.dstack([logs, maps.perturbation, maps.diffuse_perturbation()])
+        bends = maps.perturbation, maps.diffuse_perturbation()
+        channels = np.dstack([logs, *bends, displacement(r)])
         self.maps = channels.reshape(pixels, -1)
 
     def may_show(self, mesh: Welded, texels: _Texels) -> np.ndarray:
@@ -233,7 +238,7 @@ class _Photo:
     def sample(
         self, mesh: Welded, texels: _Texels, part: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Baking channels (K, 9), and the cosine (K,) at which they are seen, 0 where they are not.
+        """Baking channels (K, 10), and the cosine (K,) at which they are seen, 0 where not.
 
         part: (K,) of the texels.
         """
@@ -265,7 +270,7 @@ class _Photo:
         bends = (found[:, 5:8], found[:, 8:11])
         slopes = [_slopes(unit + bend, normal, tangent) for bend in bends]
         seen = (total[:, 0] > 1e-3) & (cosine > 0)
-        return np.hstack([found[:, _LOGS], *slopes]), np.where(seen, cosine, 0)
+        return np.hstack([found[:, _LOGS], *slopes, found[:, 11:]]), np.where(seen, cosine, 0)
 
 
 def _slopes(direction: np.ndarray, normal: np.ndarray, tangent: np.ndarray) -> np.ndarray:
@@ -334,7 +339,7 @@ def _diffuse(
     part of each texel, 255 outside the layout.
     """
     vertex = mesh.vertex[mesh.triangles]
-    flat, flat_levels = grid.reshape(-1, 9), levels.ravel()
+    flat, flat_levels = grid.reshape(-1, _CHANNELS), levels.ravel()
     given = levels > 0
     known = flat_levels[texels.index] > 0
     trust = _trust(levels, where).ravel()[texels.index]

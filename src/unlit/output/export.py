@@ -19,7 +19,7 @@ from ..face.reconstruction import Reconstruction
 from ..progress.callbacks import StepProgress, silent
 from ..storage.folder import write_all
 from .geometry import mtl, obj, ply
-from .images import exr, png
+from .images import DISPLACEMENT_PNG, exr, png
 from .textures import EXRS, MAP_FILES, PNGS
 
 if TYPE_CHECKING:
@@ -131,6 +131,7 @@ def _mark(job: ExportJob, formats: list[str], size: int, files: Iterable[str]) -
         "formats": formats,
         "size": size,
         "normals": "y down (DirectX) in PNG" if job.directx else "y up (OpenGL)",
+        "displacement": f"millimetres in EXR; {DISPLACEMENT_PNG} in PNG",
         "files": sorted([*files, MARK]),
     }
     return f"{MARK_TEXT}. What each file holds: docs/outputs.md of unlit.\n\n{tomli_w.dumps(table)}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,12 +16,12 @@ from ..progress.callbacks import StepProgress, silent
 from ..storage.folder import CHECKPOINT, MARK, REPORT, STAGES, write_all
 from .arrays import write_arrays
 from .export import FORMATS, Contents, ExportJob, told, writers_of
-from .images import MAPS, exr, png
+from .images import COMPUTED, DISPLACEMENT_PNG, MAPS, exr, png
 from .metrics import metrics_json
 from .montage import montage_png
 from .result_file import result_toml
 from .segmentation import segmentation_png
-from .textures import PNGS
+from .textures import DISPLACEMENT, PNGS
 
 if TYPE_CHECKING:
     from .atlas import Atlas
@@ -52,7 +52,10 @@ ATLAS_SIZE = 1024
 FILES = {
     **{f"{name}.exr": "linear float32" for name in MAPS},
     **{f"{name}.png": "preview" for name in MAPS},
+    "displacement.exr": "millimetres over the mesh along its normal, float32",
+    "displacement.png": DISPLACEMENT_PNG,
     **dict.fromkeys(PNGS, "texture of the mesh"),
+    DISPLACEMENT: f"texture of the mesh, {DISPLACEMENT_PNG}",
     **_OTHER_FILES,
     LOG: "what the run printed",
 }
@@ -96,9 +99,10 @@ def save(
         "montage.png": lambda: montage_png(r),
         "segmentation.png": lambda: segmentation_png(r),
     }
-    for name, (array, look) in MAPS.items():
-        contents[f"{name}.exr"] = lambda array=array: exr(array(r))
-        contents[f"{name}.png"] = lambda array=array, look=look: png(look(array(r)))
+    for name, (array, look) in (MAPS | COMPUTED).items():
+        values = cache(partial(array, r))
+        contents[f"{name}.exr"] = lambda values=values: exr(values())
+        contents[f"{name}.png"] = lambda values=values, look=look: png(look(values()))
     for name in ("glb", "obj", "ply"):
         contents |= FORMATS[name](ExportJob(r, atlas, directx=False, back=""))
     contents |= {name: text.encode for name, text in texts.items()}

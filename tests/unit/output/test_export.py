@@ -185,9 +185,27 @@ def test_the_blender_script_names_files_that_are_there(everything):
     text = (everything / "blender.py").read_text()
     compile(text, "blender.py", "exec")
     files = set(re.findall(r'"(\w+\.(?:exr|obj|json))"', text))
-    assert len(files) == 8
+    assert len(files) == 9
     assert all((everything / file).is_file() for file in files)
     assert json.loads((everything / "blender.json").read_text())["size"] == [64, 64]
+
+
+def test_the_blender_script_shades_by_normals_or_by_displacement(everything):
+    """Never by both; the EXR's millimetres are metres there, and 0 is the mesh."""
+    text = (everything / "blender.py").read_text()
+    assert re.search(r'^DETAIL = "normals"$', text, re.M)
+    material = text.split("def face_material")[1].split("\ndef ")[0]
+    either, other = material.split('if DETAIL == "normals":')[1].split("    else:")
+    assert 'inputs["Normal"]' in either
+    assert 'inputs["Normal"]' not in material.replace(either, "")
+    assert 'output.inputs["Displacement"]' in other
+    assert 'output.inputs["Displacement"]' not in material.replace(other, "")
+    node = text.split("def displaced")[1].split("\ndef ")[0]
+    assert 'node.space = "WORLD"' in node
+    assert 'inputs["Midlevel"].default_value = 0.0' in node
+    assert 'inputs["Scale"].default_value = MILLIMETRE' in node
+    assert "global_scale=0.01" in text  # the file's centimetres are metres
+    assert re.search(r"^MILLIMETRE = 0\.001$", text, re.M)
 
 
 def test_blender_renders_the_same_face(r, everything):
