@@ -29,7 +29,6 @@ import scipy.sparse as sp
 from scipy import ndimage
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
-from scipy.spatial import KDTree
 
 from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba
@@ -37,7 +36,7 @@ from ..scene.arrays import where
 from ..scene.mesh import Mesh, surface
 from .displacement import displacement
 from .geometry import Welded, welded
-from .parts import EYES, INSIDE, SKIN, components, parts
+from .parts import EYES, INSIDE, SKIN, mirror_axis, parts
 
 mi = mitsuba()
 
@@ -46,7 +45,7 @@ PLAIN, DIFFUSED, MIRRORED, GRAZING, SEEN = 0, 64, 128, 192, 255
 _GRAZING_COSINE = 0.34
 _CHUNK = 1 << 20  # texels at a time: bounds memory
 _EYE, _LIP = 2, 1  # channels of Reconstruction.regions
-_RIM = 0.02  # of the atlas's side
+_RIM = 1.2  # cm
 _DECAY = 0.6  # of what is continued, from one level of a pyramid to the next finer one
 _STRAIGHTEST = 0.05  # least z of a tangent-space normal
 
@@ -113,7 +112,7 @@ def bake(reconstruction: Reconstruction, size: int) -> Atlas:
     part_image[texels.index] = texel_part
     grid, levels = values.reshape(size, size, _CHANNELS), level.reshape(size, size)
     where = part_image.reshape(size, size)
-    axis = _mirror_axis(r.face.mesh.uv, r.face.mesh.triangle_uv[part == SKIN])
+    axis = mirror_axis(r.face.mesh.uv, r.face.mesh.triangle_uv[part == SKIN])
     if axis is not None:
         _mirror(grid, levels, where == SKIN, axis)
     _diffuse(grid, levels, where, texels, mesh, part)
@@ -297,18 +296,6 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.maximum(np.sqrt(_dot(vectors, vectors)), 1e-12)[:, None]
 
 
-def _mirror_axis(uv: np.ndarray, triangle_uv: np.ndarray) -> float | None:
-    """The u about which the layout's largest chart is its own mirror image, or None.
-
-    triangle_uv: (F, 3) of the skin.
-    """
-    chart = components(triangle_uv, len(uv))
-    points = uv[chart == np.bincount(chart).argmax()]
-    axis = float(points[:, 0].min() + points[:, 0].max()) / 2
-    distance = KDTree(points).query(points * (-1, 1) + (2 * axis, 0))[0]
-    return axis if np.percentile(distance, 99) < 1e-3 else None
-
-
 def _mirror(grid: np.ndarray, levels: np.ndarray, skin: np.ndarray, axis: float) -> None:
     """Fill unseen texels of `skin` (N, N) from the other side of u = axis, in place."""
     size = len(grid)
@@ -342,7 +329,8 @@ def _diffuse(
     flat, flat_levels = grid.reshape(-1, _CHANNELS), levels.ravel()
     given = levels > 0
     known = flat_levels[texels.index] > 0
-    trust = _trust(levels, where).ravel()[texels.index]
+    rim = _RIM * len(grid) * _per_centimetre(mesh, np.unique(texels.triangle[known]))
+    trust = _trust(levels, where, rim).ravel()[texels.index]
     field, reached = _harmonic(
         vertex[part != INSIDE],
         *_at_vertices(vertex, texels, trust, known, flat[texels.index[known], _LOGS]),
@@ -371,14 +359,24 @@ def _diffuse(
     flat[measured.index] = kept
 
 
-def _trust(levels: np.ndarray, where: np.ndarray) -> np.ndarray:
+def _per_centimetre(mesh: Welded, triangles: np.ndarray) -> float:
+    """What a centimetre of these triangles has in the layout, of its side, on average."""
+    corners = mesh.triangles[triangles]
+    a, b, c = (mesh.position[corners[:, i]].astype(np.float64) for i in range(3))
+    surface = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    a, b, c = (mesh.uv[corners[:, i]].astype(np.float64) for i in range(3))
+    return float(np.sqrt(np.abs(_cross(b - a, c - a)).sum() / max(surface, 1e-12)))
+
+
+def _trust(levels: np.ndarray, where: np.ndarray, rim: float) -> np.ndarray:
     """How far (N, N) in [0, 1] a texel's value may spread: less at the rim of what is known.
 
-    The rim of the skin is where hair and its shadow begin. Nothing spreads from the mouth.
+    The rim of the skin, `rim` texels wide, is where hair and its shadow begin. Nothing spreads
+    from the mouth.
     """
     skin = (where == SKIN) & (levels > 0)
     depth: Any = ndimage.distance_transform_edt(skin)
-    return np.minimum(depth / (_RIM * len(levels)), 1) ** 2 + ((where == EYES) & (levels > 0))
+    return np.minimum(depth / max(rim, 1), 1) ** 2 + ((where == EYES) & (levels > 0))
 
 
 def _at_vertices(
