@@ -13,12 +13,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from changed import changed
 from unlit.face.conditions import Conditions
 from unlit.face.face import Face, Normals, PosedMesh
 from unlit.face.head import FittedHead
 from unlit.face.photo import FacePhoto
 from unlit.face.reconstruction import Images, Metrics, Reconstruction
 from unlit.perception.regions import Regions
+from unlit.perception.topology import FACE_OVAL
 from unlit.photo.crop import Crop
 from unlit.scene.camera import Camera
 from unlit.scene.light import SphericalGaussians
@@ -167,6 +169,19 @@ def small_head(
     )
 
 
+def with_outline(r: Reconstruction) -> Reconstruction:
+    """The small head with the landmarks of a face's outline: a circle about the middle of u, v."""
+    mesh = r.face.mesh
+    middle = mesh.uv[mesh.triangle_uv[:SKIN_TRIANGLES]].mean(axis=1)
+    triangle = np.full(478, -1, np.int32)
+    angles = np.linspace(0, 2 * np.pi, len(FACE_OVAL), endpoint=False)
+    for landmark, angle in zip(FACE_OVAL, angles, strict=True):
+        place = (0.5 + 0.15 * np.sin(angle), 0.66 + 0.12 * np.cos(angle))
+        triangle[landmark] = np.linalg.norm(middle - place, axis=1).argmin()
+    weights = np.full((478, 3), 1 / 3, np.float32)
+    return changed(r, {"head.landmark_points": SurfacePoints(triangle, weights)})
+
+
 def save_quickly(patch: pytest.MonkeyPatch) -> None:
     """When a result is saved, let the albedo stand in for relit faces, and bake a small atlas."""
 
@@ -174,4 +189,4 @@ def save_quickly(patch: pytest.MonkeyPatch) -> None:
         return lambda light: face.maps.diffuse_albedo
 
     patch.setattr(importlib.import_module("unlit.output.montage"), "Relighter", albedo)
-    patch.setattr(importlib.import_module("unlit.output.save"), "ATLAS_SIZE", 64)
+    patch.setattr(importlib.import_module("unlit.output.save"), "atlas_size", lambda r: 64)

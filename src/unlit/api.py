@@ -177,13 +177,16 @@ def export(
     into: str | Path | None = None,
     formats: Collection[str] = ("glb", "obj", "ply", "mitsuba", "blender"),
     *,
-    size: int = 1024,
+    size: int | None = None,
+    layout: str = "face",
     progress: bool = True,
 ) -> Path:
     """Write the result saved in `folder` for other programs; returns the export's folder.
 
     into: FOLDER/export if None. formats: of glb, obj, ply, exr, mitsuba, blender, usd. size: texels
-    a side of the textures, 512 to 4096. Raises SettingsError or OutputError.
+    a side of the textures, 512 to 4096; twice the crop's pixels if None. layout: "face", most of
+    the square for the face, or "head", as the head model has it. Raises SettingsError or
+    OutputError.
 
     >>> place = unlit.export(folder, formats=["ply"], progress=False)
     >>> (place / "mesh.ply").exists()
@@ -194,7 +197,7 @@ def export(
     source = Path(folder)
     result, place = load_reconstruction(source), into or source / "export"
     with StepConsole() if progress else nullcontext(silent) as report:
-        return export_files(result, place, source, formats, size, False, report)
+        return export_files(result, place, source, formats, size, False, report, (), layout)
 
 
 def batch(

@@ -9,10 +9,11 @@ from typing import Any
 from .parser import command
 
 #: Kept here, too, so that the help does not wait for the renderer.
+LAYOUTS = ("face", "head")
 EXPORTS = ("glb", "obj", "ply", "mitsuba", "blender")
 MAPS = (
     *("diffuse_albedo", "specular_albedo", "roughness"),
-    *("specular_normal", "diffuse_normal", "confidence"),
+    *("specular_normal", "diffuse_normal", "displacement", "confidence"),
 )
 
 
@@ -47,7 +48,17 @@ def add(commands: Any) -> None:
         help=f"only these maps, as PNG and EXR: of {', '.join(MAPS)}",
     )
     parser.add_argument(
-        "--size", type=int, default=1024, metavar="N", help="texels a side, 512 to 4096 (1024)"
+        "--size",
+        type=int,
+        metavar="N",
+        help="texels a side, 512 to 4096 (twice the crop's pixels: 1024 at 512)",
+    )
+    parser.add_argument(
+        "--layout",
+        choices=LAYOUTS,
+        default=LAYOUTS[0],
+        help="texture coordinates: most of the square for the face (the default), or as the head "
+        "model has them",
     )
     parser.add_argument(
         "--directx", action="store_true", help="normal maps (PNG) with y down, as Unreal wants"
@@ -63,6 +74,7 @@ def run(options: argparse.Namespace) -> int:
     target = Path(options.output) if options.output else source / "export"
     size, directx, maps = options.size, options.directx, options.only_maps
     with StepConsole() as progress:
-        path = export(load(source), target, source, options.format, size, directx, progress, maps)
+        result, layout = load(source), options.layout
+        path = export(result, target, source, options.format, size, directx, progress, maps, layout)
     print(path)
     return 0

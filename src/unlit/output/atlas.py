@@ -13,9 +13,9 @@ are filled, and `confidence` says how:
     PLAIN      no neighbour that was seen: a constant, see _PLAIN
 
 Filled values are shifted to meet the measured ones at the boundary. Normals are in the tangent
-space of tangent.py (y up: OpenGL), bent only where the photo or its mirror image says so. There
-is no displacement map: the mesh is the whole shape. Beyond the edges of the layout's charts
-every map holds its nearest texel, so that neither filtering nor mipmaps show a seam.
+space of tangent.py (y up: OpenGL), bent only where the photo or its mirror image says so, and the
+same holds for the displacement. Beyond the edges of the layout's charts every map holds its
+nearest texel, so that neither filtering nor mipmaps show a seam.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ import scipy.sparse as sp
 from scipy import ndimage
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
-from scipy.spatial import KDTree
 
 from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba
 from ..scene.arrays import where
 from ..scene.mesh import Mesh, surface
+from .displacement import displacement
 from .geometry import Welded, welded
-from .parts import EYES, INSIDE, SKIN, components, parts
+from .parts import EYES, INSIDE, SKIN, mirror_axis, parts
 
 mi = mitsuba()
 
@@ -45,14 +45,15 @@ PLAIN, DIFFUSED, MIRRORED, GRAZING, SEEN = 0, 64, 128, 192, 255
 _GRAZING_COSINE = 0.34
 _CHUNK = 1 << 20  # texels at a time: bounds memory
 _EYE, _LIP = 2, 1  # channels of Reconstruction.regions
-_RIM = 0.02  # of the atlas's side
+_RIM = 1.2  # cm
 _DECAY = 0.6  # of what is continued, from one level of a pyramid to the next finer one
 _STRAIGHTEST = 0.05  # least z of a tangent-space normal
 
 # Channels while baking: log albedo (3), log specular albedo, log roughness, then the slopes x / z
-# and y / z of the specular and of the diffuse normal. Logarithms keep what is filled in positive.
-_LOGS, _SLOPES = slice(0, 5), slice(5, 9)
-_MIRROR_SIGN = np.array([1, 1, 1, 1, 1, -1, 1, -1, 1], dtype=np.float32)
+# and y / z of the specular and of the diffuse normal, and the displacement. Logarithms keep what is
+# filled in positive.
+_LOGS, _HEIGHT, _CHANNELS = slice(0, 5), 9, 10
+_MIRROR_SIGN = np.array([1, 1, 1, 1, 1, -1, 1, -1, 1, 1], dtype=np.float32)
 _DARKEST = 1e-3
 # Where nothing is known of a part: skin mid-grey, eyes the white of an eye, mouth dark red.
 # Linear albedo, specular albedo, roughness; ours.
@@ -74,6 +75,7 @@ class Atlas:
 
     diffuse_albedo: (N, N, 3) linear sRGB. specular_albedo, roughness: (N, N), as in
     Reconstruction. specular_normal, diffuse_normal: (N, N, 3) unit, tangent space, y up.
+    displacement: (N, N) mm over the mesh along its unit normal, > 0 outwards; 0 where not known.
     confidence: (N, N) uint8, one of PLAIN, DIFFUSED, MIRRORED, GRAZING, SEEN.
     part: (F,) uint8, the part of each triangle (parts.py). mesh: what the tangents belong to.
     """
@@ -83,6 +85,7 @@ class Atlas:
     roughness: np.ndarray
     specular_normal: np.ndarray
     diffuse_normal: np.ndarray
+    displacement: np.ndarray
     confidence: np.ndarray
     part: np.ndarray
     mesh: Welded
@@ -95,7 +98,7 @@ def bake(reconstruction: Reconstruction, size: int) -> Atlas:
     part = parts(r.face.mesh.vertices, r.face.mesh.triangles, r.face.mesh.triangle_uv)
     texels = _texels(mesh, size)
     texel_part = part[texels.triangle]
-    values = np.zeros((size * size, 9), dtype=np.float32)
+    values = np.zeros((size * size, _CHANNELS), dtype=np.float32)
     level = np.zeros(size * size, dtype=np.uint8)
     photo = _Photo(r, part)
     near = np.flatnonzero(photo.may_show(mesh, texels))
@@ -107,9 +110,9 @@ def bake(reconstruction: Reconstruction, size: int) -> Atlas:
         level[chunk.index[seen]] = np.where(cosine[seen] < _GRAZING_COSINE, GRAZING, SEEN)
     part_image = np.full(size * size, 255, dtype=np.uint8)
     part_image[texels.index] = texel_part
-    grid, levels = values.reshape(size, size, 9), level.reshape(size, size)
+    grid, levels = values.reshape(size, size, _CHANNELS), level.reshape(size, size)
     where = part_image.reshape(size, size)
-    axis = _mirror_axis(r.face.mesh.uv, r.face.mesh.triangle_uv[part == SKIN])
+    axis = mirror_axis(r.face.mesh.uv, r.face.mesh.triangle_uv[part == SKIN])
     if axis is not None:
         _mirror(grid, levels, where == SKIN, axis)
     _diffuse(grid, levels, where, texels, mesh, part)
@@ -130,11 +133,11 @@ def _atlas(grid: np.ndarray, levels: np.ndarray, part: np.ndarray, mesh: Welded)
         up = np.concatenate([slopes, np.ones_like(slopes[..., :1])], axis=-1)
         return up / np.linalg.norm(up, axis=-1, keepdims=True)
 
-    diffuse, specular, roughness = map(
-        np.ascontiguousarray, (linear[..., :3], linear[..., 3], linear[..., 4])
+    diffuse, specular, roughness, height = map(
+        np.ascontiguousarray, (linear[..., :3], linear[..., 3], linear[..., 4], grid[..., _HEIGHT])
     )
     normals = normal(grid[..., 5:7]), normal(grid[..., 7:9])
-    return Atlas(diffuse, specular, roughness, *normals, levels, part, mesh)
+    return Atlas(diffuse, specular, roughness, *normals, height, levels, part, mesh)
 
 
 @dataclass(frozen=True)
@@ -216,7 +219,8 @@ class _Photo:
         maps = r.face.maps
         positive = np.dstack([maps.diffuse_albedo, maps.specular_albedo, maps.roughness])
         logs = np.log(np.maximum(positive, _DARKEST))
-        channels = np.dstack([logs, maps.perturbation, maps.diffuse_perturbation()])
+        bends = maps.perturbation, maps.diffuse_perturbation()
+        channels = np.dstack([logs, *bends, displacement(r)])
         self.maps = channels.reshape(pixels, -1)
 
     def may_show(self, mesh: Welded, texels: _Texels) -> np.ndarray:
@@ -233,7 +237,7 @@ class _Photo:
     def sample(
         self, mesh: Welded, texels: _Texels, part: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Baking channels (K, 9), and the cosine (K,) at which they are seen, 0 where they are not.
+        """Baking channels (K, 10), and the cosine (K,) at which they are seen, 0 where not.
 
         part: (K,) of the texels.
         """
@@ -265,7 +269,7 @@ class _Photo:
         bends = (found[:, 5:8], found[:, 8:11])
         slopes = [_slopes(unit + bend, normal, tangent) for bend in bends]
         seen = (total[:, 0] > 1e-3) & (cosine > 0)
-        return np.hstack([found[:, _LOGS], *slopes]), np.where(seen, cosine, 0)
+        return np.hstack([found[:, _LOGS], *slopes, found[:, 11:]]), np.where(seen, cosine, 0)
 
 
 def _slopes(direction: np.ndarray, normal: np.ndarray, tangent: np.ndarray) -> np.ndarray:
@@ -290,18 +294,6 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.maximum(np.sqrt(_dot(vectors, vectors)), 1e-12)[:, None]
-
-
-def _mirror_axis(uv: np.ndarray, triangle_uv: np.ndarray) -> float | None:
-    """The u about which the layout's largest chart is its own mirror image, or None.
-
-    triangle_uv: (F, 3) of the skin.
-    """
-    chart = components(triangle_uv, len(uv))
-    points = uv[chart == np.bincount(chart).argmax()]
-    axis = float(points[:, 0].min() + points[:, 0].max()) / 2
-    distance = KDTree(points).query(points * (-1, 1) + (2 * axis, 0))[0]
-    return axis if np.percentile(distance, 99) < 1e-3 else None
 
 
 def _mirror(grid: np.ndarray, levels: np.ndarray, skin: np.ndarray, axis: float) -> None:
@@ -334,10 +326,11 @@ def _diffuse(
     part of each texel, 255 outside the layout.
     """
     vertex = mesh.vertex[mesh.triangles]
-    flat, flat_levels = grid.reshape(-1, 9), levels.ravel()
+    flat, flat_levels = grid.reshape(-1, _CHANNELS), levels.ravel()
     given = levels > 0
     known = flat_levels[texels.index] > 0
-    trust = _trust(levels, where).ravel()[texels.index]
+    rim = _RIM * len(grid) * _per_centimetre(mesh, np.unique(texels.triangle[known]))
+    trust = _trust(levels, where, rim).ravel()[texels.index]
     field, reached = _harmonic(
         vertex[part != INSIDE],
         *_at_vertices(vertex, texels, trust, known, flat[texels.index[known], _LOGS]),
@@ -366,14 +359,24 @@ def _diffuse(
     flat[measured.index] = kept
 
 
-def _trust(levels: np.ndarray, where: np.ndarray) -> np.ndarray:
+def _per_centimetre(mesh: Welded, triangles: np.ndarray) -> float:
+    """What a centimetre of these triangles has in the layout, of its side, on average."""
+    corners = mesh.triangles[triangles]
+    a, b, c = (mesh.position[corners[:, i]].astype(np.float64) for i in range(3))
+    surface = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    a, b, c = (mesh.uv[corners[:, i]].astype(np.float64) for i in range(3))
+    return float(np.sqrt(np.abs(_cross(b - a, c - a)).sum() / max(surface, 1e-12)))
+
+
+def _trust(levels: np.ndarray, where: np.ndarray, rim: float) -> np.ndarray:
     """How far (N, N) in [0, 1] a texel's value may spread: less at the rim of what is known.
 
-    The rim of the skin is where hair and its shadow begin. Nothing spreads from the mouth.
+    The rim of the skin, `rim` texels wide, is where hair and its shadow begin. Nothing spreads
+    from the mouth.
     """
     skin = (where == SKIN) & (levels > 0)
     depth: Any = ndimage.distance_transform_edt(skin)
-    return np.minimum(depth / (_RIM * len(levels)), 1) ** 2 + ((where == EYES) & (levels > 0))
+    return np.minimum(depth / max(rim, 1), 1) ** 2 + ((where == EYES) & (levels > 0))
 
 
 def _at_vertices(

@@ -7,6 +7,9 @@ The second form renders the photo's view into a file. The material has two norma
 model has: a diffuse BSDF, and a metallic one (Beckmann; a conductor with index of refraction
 1.38 and no absorption reflects as skin does). A new file is begun; it is in metres, z up, the
 camera at the origin. Reads blender.json, mesh.obj and the EXR files that lie beside it.
+
+DETAIL says what gives the skin its fine relief: the normal maps, which is what unlit renders, or
+the displacement map, as bump or by moving the surface. Two at once would count it twice.
 """
 
 import json
@@ -16,7 +19,22 @@ from pathlib import Path
 
 import bpy  # pyright: ignore[reportMissingImports]
 
+#: "normals", "bump" or "displacement".
+DETAIL = "normals"
+#: To be displaced, each triangle is split in four this many times: 2 makes edges of half a
+#: millimetre, and takes some 1 GB.
+SUBDIVISIONS = 2
+
 FOLDER = Path(__file__).resolve().parent
+MILLIMETRE = 0.001
+
+
+def nodes_of(owner):
+    """The empty node tree of a new material or world."""
+    if not owner.node_tree:  # before Blender 5 it had to be asked for
+        owner.use_nodes = True
+    owner.node_tree.nodes.clear()
+    return owner.node_tree
 
 
 def image_node(tree, file, colours="Non-Color", kind="ShaderNodeTexImage"):
@@ -43,17 +61,25 @@ def math_of(tree, operation, value, second=0.0):
     return node.outputs["Value"]
 
 
+def displaced(tree, file):
+    """Output of a displacement along the normal, by millimetres in `file`."""
+    node = tree.nodes.new("ShaderNodeDisplacement")
+    node.space = "WORLD"  # metres, whatever the object's scale
+    node.inputs["Midlevel"].default_value = 0.0
+    node.inputs["Scale"].default_value = MILLIMETRE
+    tree.links.new(image_node(tree, file).outputs["Color"], node.inputs["Height"])
+    return node.outputs["Displacement"]
+
+
 def face_material(settings):
-    """Diffuse plus specular, each with its own normal."""
+    """Diffuse plus specular, each with its own normal; the displacement in its place or unused."""
     material = bpy.data.materials.new("unlit face")
-    material.use_nodes = True
-    tree = material.node_tree
-    tree.nodes.clear()
+    tree = nodes_of(material)
 
     diffuse = tree.nodes.new("ShaderNodeBsdfDiffuse")
     albedo = image_node(tree, "atlas_diffuse_albedo.exr", "Linear Rec.709")
     tree.links.new(albedo.outputs["Color"], diffuse.inputs["Color"])
-    tree.links.new(normal_of(tree, "atlas_diffuse_normal.exr"), diffuse.inputs["Normal"])
+    bends = {diffuse: normal_of(tree, "atlas_diffuse_normal.exr")}
 
     lobe = tree.nodes.new("ShaderNodeBsdfMetallic")
     lobe.distribution = "BECKMANN"
@@ -62,7 +88,7 @@ def face_material(settings):
     lobe.inputs["Extinction"].default_value = (0.0, 0.0, 0.0)
     alpha = image_node(tree, "atlas_roughness.exr").outputs["Color"]
     tree.links.new(math_of(tree, "SQRT", alpha), lobe.inputs["Roughness"])
-    tree.links.new(normal_of(tree, "atlas_specular_normal.exr"), lobe.inputs["Normal"])
+    bends[lobe] = normal_of(tree, "atlas_specular_normal.exr")
 
     # A shader can be scaled down only: by the specular albedo over a power of two, which is then
     # made good by adding the shader to itself.
@@ -82,6 +108,14 @@ def face_material(settings):
     tree.links.new(shader.outputs[0], both.inputs[1])
     output = tree.nodes.new("ShaderNodeOutputMaterial")
     tree.links.new(both.outputs[0], output.inputs["Surface"])
+
+    height = displaced(tree, "atlas_displacement.exr")
+    if DETAIL == "normals":
+        for lobe, bend in bends.items():
+            tree.links.new(bend, lobe.inputs["Normal"])
+    else:
+        material.displacement_method = DETAIL.upper()
+        tree.links.new(height, output.inputs["Displacement"])
     return material
 
 
@@ -98,15 +132,17 @@ def add_face(settings):
     for face in set(bpy.data.objects) - before:
         for slot in face.material_slots:
             slot.material = material
+        if DETAIL == "displacement":
+            split = face.modifiers.new("displacement", "SUBSURF")
+            split.subdivision_type = "SIMPLE"
+            split.levels, split.render_levels = 0, SUBDIVISIONS
 
 
 def add_light(settings):
     """The photo's light as the world."""
     world = bpy.data.worlds.new("unlit light")
     bpy.context.scene.world = world
-    world.use_nodes = True
-    tree = world.node_tree
-    tree.nodes.clear()
+    tree = nodes_of(world)
     picture = image_node(tree, "environment.exr", "Linear Rec.709", "ShaderNodeTexEnvironment")
     turned = tree.nodes.new("ShaderNodeMapping")
     turned.inputs["Rotation"].default_value = (0.0, 0.0, math.radians(settings["light_turn"]))

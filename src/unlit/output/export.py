@@ -19,7 +19,8 @@ from ..face.reconstruction import Reconstruction
 from ..progress.callbacks import StepProgress, silent
 from ..storage.folder import write_all
 from .geometry import mtl, obj, ply
-from .images import exr, png
+from .images import DISPLACEMENT_PNG, exr, png
+from .layout import LARGEST, LAYOUTS, SMALLEST, atlas_size, laid_out
 from .textures import EXRS, MAP_FILES, PNGS
 
 if TYPE_CHECKING:
@@ -29,18 +30,21 @@ if TYPE_CHECKING:
 MARK = "export.toml"
 MARK_TEXT = "# unlit export"
 _MARK_BYTES = 1 << 16
-#: Texels a side.
-DEFAULT_SIZE, SMALLEST, LARGEST = 1024, 512, 4096
 
 
 @dataclass(frozen=True)
 class ExportJob:
-    """What the writers need. back: path from the export's folder to the result's."""
+    """What the writers need.
+
+    reconstruction: with the texture coordinates of `layout`. back: path from the export's folder
+    to the result's.
+    """
 
     reconstruction: Reconstruction
     atlas: Atlas
     directx: bool
     back: str
+    layout: str
 
 
 #: By file name: what makes its content.
@@ -54,17 +58,20 @@ def export(
     folder: str | Path,
     source: str | Path,
     formats: Collection[str] = ("glb", "obj", "ply", "mitsuba", "blender"),
-    size: int = DEFAULT_SIZE,
+    size: int | None = None,
     directx: bool = False,
     progress: StepProgress = silent,
     only_maps: Collection[str] = (),
+    layout: str = "face",
 ) -> Path:
     """Write `formats` (keys of FORMATS) into `folder`, all or nothing; returns the folder.
 
     An export that is there is replaced: what it lists and this one does not have is removed.
 
     source: the folder that `reconstruction` was loaded from, which scene_unlit.xml refers to.
-    size: texels a side of the atlas, 512 to 4096. directx: y of the PNG normal maps points down.
+    size: texels a side of the atlas, 512 to 4096; by default what the crop is worth (layout.py).
+    layout: where the head's parts lie in it, one of LAYOUTS. directx: y of the PNG normal maps
+    points down.
     only_maps: keys of MAP_FILES; if there are any, these maps of the atlas are written, and no
     format.
     Raises SettingsError or OutputError.
@@ -76,13 +83,17 @@ def export(
         raise SettingsError(
             f"{', '.join(sorted(unknown)) or 'no format'}: choose from {', '.join(known)}"
         )
+    if layout not in LAYOUTS:
+        raise SettingsError(f"layout {layout}: choose from {', '.join(LAYOUTS)}")
+    size = atlas_size(reconstruction) if size is None else size
     if not SMALLEST <= size <= LARGEST:
         raise SettingsError(f"size {size}: choose {SMALLEST} to {LARGEST} texels")
     from .atlas import bake
 
     progress("baking the atlas", 0, 2)
     back = _way(folder.resolve(), Path(source).resolve())
-    job = ExportJob(reconstruction, bake(reconstruction, size), directx, back)
+    laid = laid_out(reconstruction, layout)
+    job = ExportJob(laid, bake(laid, size), directx, back, layout)
     contents: Contents = {}
     if only_maps:
         files = {file for name in only_maps for file in MAP_FILES[name]}
@@ -130,7 +141,9 @@ def _mark(job: ExportJob, formats: list[str], size: int, files: Iterable[str]) -
         "source": job.back,
         "formats": formats,
         "size": size,
+        "layout": job.layout,
         "normals": "y down (DirectX) in PNG" if job.directx else "y up (OpenGL)",
+        "displacement": f"millimetres in EXR; {DISPLACEMENT_PNG} in PNG",
         "files": sorted([*files, MARK]),
     }
     return f"{MARK_TEXT}. What each file holds: docs/outputs.md of unlit.\n\n{tomli_w.dumps(table)}"

@@ -9,6 +9,7 @@
     shading            RGB, diffuse shading E, linear               sRGB-encoded
     specular_shading   RGB, specular shading S, linear              sRGB-encoded
     render             RGB, linear sRGB = albedo E + specular S     sRGB-encoded
+    displacement       Y, mm over the mesh, along its normal        16 bits: -5 to 5 as 0 to 65535
     mask               Y, 0 to 1                                    0 to 1 as 0 to 255
     environment        Y, radiance, latitude-longitude (180 x 360)  tone-mapped
 
@@ -26,6 +27,11 @@ from PIL import Image
 from ..color import encode_srgb
 from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba, second_thread
+from .displacement import displacement
+
+#: What the two ends of a displacement's PNG stand for, mm: more than skin has. 0 is 32768.
+DISPLACEMENT_RANGE = (-5.0, 5.0)
+DISPLACEMENT_PNG = "16 bits: {:g} to {:g} mm as 0 to 65535".format(*DISPLACEMENT_RANGE)
 
 
 def bytes_of(image: np.ndarray) -> np.ndarray:
@@ -44,15 +50,23 @@ def normals(unit: np.ndarray) -> np.ndarray:
     return bytes_of((0.5 * unit + 0.5) * known)
 
 
+def height_levels(height: np.ndarray) -> np.ndarray:
+    """uint16 of heights (H, W) in mm: DISPLACEMENT_RANGE as 0 to 65535; clipped."""
+    low, high = DISPLACEMENT_RANGE
+    share = (np.asarray(height, np.float64) - low) / (high - low)
+    return np.rint(65535 * np.clip(share, 0, 1)).astype(np.uint16)
+
+
 def tone_mapped(radiance: np.ndarray) -> np.ndarray:
     """uint8 sRGB of a light: L / (1 + L), L scaled so that its mean is 0.25."""
     scaled = np.maximum(radiance, 0) * (0.25 / max(float(radiance.mean()), 1e-9))
     return encoded(scaled / (1 + scaled))
 
 
-#: By name: the array of a reconstruction, and its preview.
-MAPS: dict[str, tuple[Callable[[Reconstruction], np.ndarray], Callable[[np.ndarray], np.ndarray]]]
-MAPS = {
+#: The array of a reconstruction, and its preview.
+_Map = tuple[Callable[[Reconstruction], np.ndarray], Callable[[np.ndarray], np.ndarray]]
+#: By name: what a result holds.
+MAPS: dict[str, _Map] = {
     "diffuse_albedo": (lambda r: r.face.maps.diffuse_albedo, encoded),
     "specular_albedo": (lambda r: r.face.maps.specular_albedo, lambda image: bytes_of(image / 2)),
     "roughness": (lambda r: r.face.maps.roughness, bytes_of),
@@ -64,6 +78,8 @@ MAPS = {
     "mask": (lambda r: r.face.mask, bytes_of),
     "environment": (lambda r: r.light.environment, tone_mapped),
 }
+#: By name: what is computed from that when it is written.
+COMPUTED: dict[str, _Map] = {"displacement": (displacement, height_levels)}
 
 
 def exr(image: np.ndarray) -> bytes:
@@ -77,7 +93,7 @@ def exr(image: np.ndarray) -> bytes:
 
 
 def png(image: np.ndarray) -> bytes:
-    """A PNG file of (H, W) or (H, W, 3) uint8."""
+    """A PNG file of (H, W) or (H, W, 3) uint8, or of (H, W) uint16."""
     stream = io.BytesIO()
     Image.fromarray(image).save(stream, "PNG")
     return stream.getvalue()

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 from ..machine.runtime import mitsuba
 
@@ -51,6 +52,18 @@ def components(triangles: np.ndarray, count: int) -> np.ndarray:
     edges = triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
     graph = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
     return connected_components(graph, directed=False)[1]
+
+
+def mirror_axis(uv: np.ndarray, triangle_uv: np.ndarray) -> float | None:
+    """The u about which the layout's largest chart is its own mirror image, or None.
+
+    triangle_uv: (F, 3) of the skin.
+    """
+    chart = components(triangle_uv, len(uv))
+    points = uv[chart == np.bincount(chart).argmax()]
+    axis = float(points[:, 0].min() + points[:, 0].max()) / 2
+    distance = KDTree(points).query(points * (-1, 1) + (2 * axis, 0))[0]
+    return axis if np.percentile(distance, 99) < 3e-3 else None
 
 
 def _connected(triangles: np.ndarray) -> np.ndarray:

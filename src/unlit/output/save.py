@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,12 +16,13 @@ from ..progress.callbacks import StepProgress, silent
 from ..storage.folder import CHECKPOINT, MARK, REPORT, STAGES, write_all
 from .arrays import write_arrays
 from .export import FORMATS, Contents, ExportJob, told, writers_of
-from .images import MAPS, exr, png
+from .images import COMPUTED, DISPLACEMENT_PNG, MAPS, exr, png
+from .layout import atlas_size, laid_out
 from .metrics import metrics_json
 from .montage import montage_png
 from .result_file import result_toml
 from .segmentation import segmentation_png
-from .textures import PNGS
+from .textures import DISPLACEMENT, PNGS
 
 if TYPE_CHECKING:
     from .atlas import Atlas
@@ -46,13 +47,16 @@ _OTHER_FILES = {
     MARK: "this file",
 }
 LOG = "reconstruction.log"
-#: Texels a side of the atlas; `unlit export` writes it at other sizes.
-ATLAS_SIZE = 1024
+#: Of the atlas and the mesh files; `unlit export` knows others.
+LAYOUT = "face"
 #: All names that `save` writes.
 FILES = {
     **{f"{name}.exr": "linear float32" for name in MAPS},
     **{f"{name}.png": "preview" for name in MAPS},
-    **dict.fromkeys(PNGS, "texture of the mesh"),
+    "displacement.exr": "millimetres over the mesh along its normal, float32",
+    "displacement.png": DISPLACEMENT_PNG,
+    **dict.fromkeys(PNGS, f"texture of the mesh, layout {LAYOUT}"),
+    DISPLACEMENT: f"texture of the mesh, layout {LAYOUT}, {DISPLACEMENT_PNG}",
     **_OTHER_FILES,
     LOG: "what the run printed",
 }
@@ -84,7 +88,8 @@ def save(
 
     r = reconstruction
     progress("baking the atlas", 0, 2)
-    atlas = bake(r, ATLAS_SIZE)
+    laid = laid_out(r, LAYOUT)
+    atlas = bake(laid, atlas_size(r))
     texts = {
         "light.json": _json(_light(r)),
         "camera.json": _json(_camera(r)),
@@ -96,11 +101,12 @@ def save(
         "montage.png": lambda: montage_png(r),
         "segmentation.png": lambda: segmentation_png(r),
     }
-    for name, (array, look) in MAPS.items():
-        contents[f"{name}.exr"] = lambda array=array: exr(array(r))
-        contents[f"{name}.png"] = lambda array=array, look=look: png(look(array(r)))
+    for name, (array, look) in (MAPS | COMPUTED).items():
+        values = cache(partial(array, r))
+        contents[f"{name}.exr"] = lambda values=values: exr(values())
+        contents[f"{name}.png"] = lambda values=values, look=look: png(look(values()))
     for name in ("glb", "obj", "ply"):
-        contents |= FORMATS[name](ExportJob(r, atlas, directx=False, back=""))
+        contents |= FORMATS[name](ExportJob(laid, atlas, False, "", LAYOUT))
     contents |= {name: text.encode for name, text in texts.items()}
     assert {*contents, _ARRAYS} == FILES.keys()
     contents |= {name: partial(page, atlas) for name, page in (pages or {}).items()}

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..face.reconstruction import Reconstruction
 from ..output.atlas import DIFFUSED, GRAZING, MIRRORED, PLAIN, SEEN, Atlas
-from ..output.images import MAPS, encoded, webp, webp_exact
+from ..output.displacement import displacement
+from ..output.images import MAPS, bytes_of, encoded, webp, webp_exact
 from ..output.montage import clay, error, light
 from ..output.textures import normal_bytes
 from .scene import material
@@ -31,6 +32,8 @@ _MAPS = {
     "environment": "Light, latitude and longitude; its middle is light from the camera, its left "
     "half light from the picture's right",
 }
+_HIGHEST = 0.3  # mm
+_DISPLACEMENT = f"Displacement: dark to bright is -{_HIGHEST} to {_HIGHEST} mm over the mesh"
 #: Black outside the mask, where they only repeat their nearest measured value.
 _FILLED = {"diffuse_albedo", "specular_albedo", "roughness"}
 
@@ -86,6 +89,8 @@ def maps(r: Reconstruction) -> str:
             inside = r.face.mask > 0
             picture = picture * (inside if picture.ndim == 2 else inside[..., None])
         found.append(_figure(webp(picture, _LARGEST), _MAPS[name]))
+    raised = bytes_of(0.5 + displacement(r) / (2 * _HIGHEST))
+    found.append(_figure(webp(raised, _LARGEST), _DISPLACEMENT))
     return "\n".join(found)
 
 

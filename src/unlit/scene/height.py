@@ -67,15 +67,16 @@ class PixelFrames:
         return np.where(last, -1, lookup[self.pixel + 1]), lookup[self.pixel + self.width]
 
     def height_of(
-        self, perturbation: np.ndarray, weight: np.ndarray, flatness: float = 1e-3
+        self, perturbation: np.ndarray, weight: np.ndarray, flatness: float | np.ndarray = 1e-3
     ) -> np.ndarray:
         """The height (P,), cm, whose perturbation is nearest to `perturbation` (P, 3).
 
         weight: (P,) >= 0, of each pixel's slopes. flatness: what the square of a height costs
-        against that of its difference from pixel to pixel.
+        against that of its difference from pixel to pixel, > 0; of all pixels, or of each (P,).
         """
         count = len(self.pixel)
-        matrix, wanted = flatness * sparse.identity(count, format="csr"), np.zeros(count)
+        matrix = sparse.diags(np.broadcast_to(flatness, count), format="csr")
+        wanted = np.zeros(count)
         for following, step in zip(self._following, (self.across, self.down), strict=True):
             own = np.flatnonzero(following >= 0)
             other = following[own]

@@ -12,6 +12,7 @@ from unlit.face.conditions import Shadow
 from unlit.face.reconstruction import Reconstruction
 from unlit.machine.runtime import mitsuba
 from unlit.output.atlas import DIFFUSED, GRAZING, MIRRORED, PLAIN, SEEN, Atlas, bake
+from unlit.output.displacement import displacement
 from unlit.scene.brdf import specular
 from unlit.scene.mesh import Mesh, surface_weights
 
@@ -113,6 +114,26 @@ def test_round_trip(r, atlas):
     # It could fail: with the green channel upside down the normals are off by several degrees.
     flipped = seen.world(atlas.specular_normal * (1, -1, 1))
     assert np.degrees(np.arccos((n_s * flipped).sum(axis=1)[inside].clip(-1, 1))).mean() > 3
+
+
+def test_displacement_is_that_of_the_pixels(r, atlas):
+    """In millimetres, as the crop's; mirrored with its sign; nothing where nothing was seen."""
+    seen = Seen(r, atlas)
+    inside = seen.skin & (seen.look((atlas.confidence == SEEN).astype("f4"))[:, 0] > 0.999)
+    given = displacement(r).ravel()[seen.pixel]
+    found = seen.look(atlas.displacement)[:, 0]
+    assert given[inside].std() > 0.05
+    assert np.abs(found - given)[inside].mean() < 0.1 * given[inside].std()
+    half = bake(small_head(shown=lambda point: point[:, 0] > CENTRE[0] - 0.5), SIZE)
+    rows = slice(int(0.1 * SIZE), int(0.6 * SIZE))
+    level, height = half.confidence[rows], half.displacement[rows]
+    assert (level == MIRRORED).sum() > 1000
+    mirrored = (level == MIRRORED) & (level[:, ::-1] == SEEN)
+    twin = height[:, ::-1]
+    assert np.corrcoef(height[mirrored], twin[mirrored])[0, 1] > 0.8
+    back = atlas.displacement[rows, : SIZE // 16][atlas.confidence[rows, : SIZE // 16] == DIFFUSED]
+    assert len(back) > 1000
+    assert np.abs(back).max() < 0.02
 
 
 def texel_points(r: Reconstruction, atlas: Atlas, triangle: int) -> tuple[np.ndarray, np.ndarray]:
@@ -256,7 +277,7 @@ def test_padding_has_no_seam(atlas):
 def test_sizes_that_are_no_power_of_two():
     """Any size will do; all arrays have it, and every normal is a unit vector."""
     atlas = bake(small_head(48), 301)
-    for name in ("diffuse_albedo", "specular_albedo", "roughness", "confidence"):
+    for name in ("diffuse_albedo", "specular_albedo", "roughness", "displacement", "confidence"):
         assert getattr(atlas, name).shape[:2] == (301, 301)
         assert np.isfinite(getattr(atlas, name)).all()
     for normal in (atlas.specular_normal, atlas.diffuse_normal):

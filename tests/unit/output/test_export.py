@@ -15,13 +15,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.spatial import KDTree
 
-from small_head import CENTRE, save_quickly, small_head
+from small_head import CENTRE, save_quickly, small_head, with_outline
 from unlit.cli import main
-from unlit.cli.export import EXPORTS, MAPS
+from unlit.cli.export import EXPORTS, LAYOUTS, MAPS
 from unlit.color import encode_srgb
 from unlit.errors import OutputError, SettingsError
 from unlit.face.reconstruction import Reconstruction
+from unlit.output import layout
 from unlit.output.export import FORMATS, export
 from unlit.output.save import save
 from unlit.output.textures import MAP_FILES
@@ -44,7 +46,9 @@ def test_the_folder_holds_what_it_says(everything):
     assert {path.name for path in everything.iterdir()} == set(table["files"])
     assert all(path.stat().st_size for path in everything.iterdir())
     assert table["source"] == ".."
+    assert (table["size"], table["layout"]) == (512, "face")
     assert (*EXPORTS, "usd") == tuple(FORMATS)
+    assert LAYOUTS == layout.LAYOUTS
     assert inspect.signature(export).parameters["formats"].default == EXPORTS
 
 
@@ -185,9 +189,27 @@ def test_the_blender_script_names_files_that_are_there(everything):
     text = (everything / "blender.py").read_text()
     compile(text, "blender.py", "exec")
     files = set(re.findall(r'"(\w+\.(?:exr|obj|json))"', text))
-    assert len(files) == 8
+    assert len(files) == 9
     assert all((everything / file).is_file() for file in files)
     assert json.loads((everything / "blender.json").read_text())["size"] == [64, 64]
+
+
+def test_the_blender_script_shades_by_normals_or_by_displacement(everything):
+    """Never by both; the EXR's millimetres are metres there, and 0 is the mesh."""
+    text = (everything / "blender.py").read_text()
+    assert re.search(r'^DETAIL = "normals"$', text, re.M)
+    material = text.split("def face_material")[1].split("\ndef ")[0]
+    either, other = material.split('if DETAIL == "normals":')[1].split("    else:")
+    assert 'inputs["Normal"]' in either
+    assert 'inputs["Normal"]' not in material.replace(either, "")
+    assert 'output.inputs["Displacement"]' in other
+    assert 'output.inputs["Displacement"]' not in material.replace(other, "")
+    node = text.split("def displaced")[1].split("\ndef ")[0]
+    assert 'node.space = "WORLD"' in node
+    assert 'inputs["Midlevel"].default_value = 0.0' in node
+    assert 'inputs["Scale"].default_value = MILLIMETRE' in node
+    assert "global_scale=0.01" in text  # the file's centimetres are metres
+    assert re.search(r"^MILLIMETRE = 0\.001$", text, re.M)
 
 
 def test_blender_renders_the_same_face(r, everything):
@@ -222,3 +244,24 @@ def test_blender_renders_the_same_face(r, everything):
     inside = r.face.mask > 0
     error = encode_srgb(np.clip(ours, 0, 1)) - encode_srgb(np.clip(theirs, 0, 1))
     assert -10 * np.log10((error[inside] ** 2).mean()) > 30
+
+
+@pytest.mark.parametrize("chosen", LAYOUTS)
+def test_all_files_have_the_layout_of_the_atlas(tmp_path, chosen):
+    """OBJ, PLY and glTF name the same texture coordinates, which are those that were baked."""
+    trimesh = pytest.importorskip("trimesh")
+    r = with_outline(small_head(64))
+    folder = export(r, tmp_path / "out", tmp_path, ["obj", "ply", "glb"], layout=chosen)
+    table = tomllib.loads((folder / "export.toml").read_text())
+    assert (table["size"], table["layout"]) == (512, chosen)
+    uv = layout.laid_out(r, chosen).face.mesh.uv
+    lines = (folder / "mesh.obj").read_text().splitlines()
+    written = np.array([line.split()[1:] for line in lines if line.startswith("vt ")], float)
+    np.testing.assert_allclose(written, uv, atol=1e-6)
+    ply = trimesh.load(folder / "mesh.ply", process=False)
+    head = trimesh.load(folder / "face.glb", process=False)
+    corners = KDTree(uv)
+    for found in (ply.visual.uv, *(part.visual.uv for part in head.geometry.values())):
+        assert corners.query(np.asarray(found))[0].max() < 1e-5
+    with pytest.raises(SettingsError, match="layout back: choose from face, head"):
+        export(r, tmp_path / "wrong", tmp_path, ["ply"], 512, layout="back")
