@@ -23,7 +23,7 @@ _RESIDUAL = 0.055
 # What is told of a share of the face.
 _SHADOWED = (
     f"Shadowed: {{:.0%}} of the face gets less than {_SHADOW:.0%} of the strongest light. "
-    "There the albedo is a guess from few grey levels."
+    "There the level of the albedo is a guess, and its detail has few grey levels."
 )
 _CAST_SHADOW = (
     "Cast shadow: {:.0%} of the face seems to lie in the shadow of something else (hair, "

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import cg
+from threadpoolctl import threadpool_limits
 
 from .camera import Camera
 
@@ -94,7 +95,9 @@ class PixelFrames:
             matrix = matrix + difference.T @ sparse.diags(share) @ difference
             wanted += difference.T @ (share * between)
         start = sparse.diags(1 / matrix.diagonal())
-        found, _ = cg(matrix, wanted, rtol=_TOLERANCE, maxiter=_ITERATIONS, M=start)
+        # Its products are short: threads of a BLAS wait for each other, up to ten times as long.
+        with threadpool_limits(1, user_api="blas"):
+            found, _ = cg(matrix, wanted, rtol=_TOLERANCE, maxiter=_ITERATIONS, M=start)
         return np.asarray(found, np.float32)
 
     def perturbation_of(self, height: np.ndarray) -> np.ndarray:
