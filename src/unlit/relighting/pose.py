@@ -15,15 +15,15 @@ from ..face.face import Face, Normals
 from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba
 from ..output.atlas import bake
+from ..output.layout import LARGEST, laid_out
 from ..output.parts import INSIDE
 from ..scene.maps import Maps, fill
 from ..scene.mesh import Mesh, surface_weights
 
 mi = mitsuba()
 
-#: Texels of the atlas for each pixel of the crop along one side, so that no detail is lost, and
-#: at most.
-_FINER, _LARGEST = 4, 4096
+#: Texels of the atlas for each pixel of the crop along one side, so that no detail is lost.
+_FINER = 4
 
 
 class Turntable:
@@ -31,7 +31,8 @@ class Turntable:
 
     def __init__(self, reconstruction: Reconstruction) -> None:
         self.face = reconstruction
-        self.atlas = bake(reconstruction, min(_FINER * reconstruction.face.camera.width, _LARGEST))
+        size = min(_FINER * reconstruction.face.camera.width, LARGEST)
+        self.atlas = bake(laid_out(reconstruction, "face"), size)
 
     def turned(self, degrees: float) -> Face:
         """The head turned by `degrees` about the vertical axis through its middle.
