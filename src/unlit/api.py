@@ -197,7 +197,7 @@ def export(
     source = Path(folder)
     result, place = load_reconstruction(source), into or source / "export"
     with StepConsole() if progress else nullcontext(silent) as report:
-        return export_files(result, place, source, formats, size, False, report, (), layout)
+        return export_files(result, place, source, formats, size, progress=report, layout=layout)
 
 
 def batch(

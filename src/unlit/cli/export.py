@@ -72,9 +72,17 @@ def run(options: argparse.Namespace) -> int:
 
     source = Path(options.folder)
     target = Path(options.output) if options.output else source / "export"
-    size, directx, maps = options.size, options.directx, options.only_maps
     with StepConsole() as progress:
-        result, layout = load(source), options.layout
-        path = export(result, target, source, options.format, size, directx, progress, maps, layout)
+        path = export(
+            load(source),
+            target,
+            source,
+            options.format,
+            options.size,
+            options.directx,
+            progress,
+            only_maps=options.only_maps,
+            layout=options.layout,
+        )
     print(path)
     return 0

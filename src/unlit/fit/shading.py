@@ -141,13 +141,16 @@ class ShadingProblem:
         for step in range(self.settings.joint_steps):
             state, moved, photometric = self.joint_step(sample, appearance)
             if step:
-                way.append((sample.seen.state, self.cost(sample.seen.state, photometric)))
+                way.append((sample.seen.state, photometric))
             if (seen := self.sample(state)) is None:
                 return None
             sample, appearance = seen, moved
         state = sample.seen.state
         end = (state, self.cost(state, self.solve_light(sample, appearance)[1]))
-        return end if end[1] < highest else min([end, *way], key=lambda at: at[1])
+        if end[1] < highest:
+            return end
+        costs = [(state, self.cost(state, photometric)) for state, photometric in way]
+        return min([end, *costs], key=lambda at: at[1])
 
     def cost(self, state: State, photometric: float) -> float:
         """All that is minimised: `photometric`, the landmarks' and outline's cost, the prior's."""

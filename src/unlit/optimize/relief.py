@@ -16,8 +16,6 @@ from ..settings.detail import FineDetail
 from .fine_scale import local_mean, recorded
 from .problem import Problem
 
-#: Grazing surfaces, whose pixels hold little of them: the cosines between which trust grows to 1.
-_GRAZING = (0.15, 0.5)
 #: Skin and lips have relief that is seen; brows and eyes have hair and gloss.
 _SURE = 0.9
 #: Blur of chroma against noise, and reach of a pigment's edge; pixels of a crop of 512.
@@ -35,8 +33,7 @@ def with_relief(
         return perturbation
     fine = fine_part(problem, perturbation, settings)
     frames = pixel_frames(problem)
-    low, high = _GRAZING
-    facing = np.clip((frames.facing - low) / (high - low), 0, 1)
+    facing = frames.trust
     seen = _has_relief(problem) & (e > settings.darkest)
     plain = np.where(seen, facing * _no_pigment(problem, seen, settings), 0)
     height = frames.height_of(fine * plain[:, None], np.where(seen, np.maximum(facing, 0.05), 0))

@@ -44,10 +44,11 @@ def with_detail_of_shade(
     def fine(values: np.ndarray) -> np.ndarray:
         return values - local_mean(problem, values, told, settings.shade_length)
 
-    by_photo, by_albedo = fine(seen), fine(seen - np.log(np.maximum(e, _LEAST)))
+    by_photo = fine(seen.mean(axis=1))
+    by_albedo = fine(seen - np.log(np.maximum(e, _LEAST)))
     grey = by_albedo.mean(axis=1)
     error = settings.shade_error * problem.regions[:, REGIONS.index("skin")]
-    kept = _shrunk(_minmod(grey, by_photo.mean(axis=1)), error)
+    kept = _shrunk(_minmod(grey, by_photo), error)
     share = np.clip(np.abs(kept) / np.maximum(np.abs(grey), 1e-3), 0, 1)
     detail = share[:, None] * (by_albedo - grey[:, None]) + kept[:, None]
     low, high = settings.shade_range

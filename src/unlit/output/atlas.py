@@ -76,6 +76,8 @@ class Atlas:
     diffuse_albedo: (N, N, 3) linear sRGB. specular_albedo, roughness: (N, N), as in
     Reconstruction. specular_normal, diffuse_normal: (N, N, 3) unit, tangent space, y up.
     displacement: (N, N) mm over the mesh along its unit normal, > 0 outwards; 0 where not known.
+    crop_displacement: (S, S) mm, that of the crop's pixels, which it was baked from (it is not
+    cheap: displacement.py).
     confidence: (N, N) uint8, one of PLAIN, DIFFUSED, MIRRORED, GRAZING, SEEN.
     part: (F,) uint8, the part of each triangle (parts.py). mesh: what the tangents belong to.
     """
@@ -86,6 +88,7 @@ class Atlas:
     specular_normal: np.ndarray
     diffuse_normal: np.ndarray
     displacement: np.ndarray
+    crop_displacement: np.ndarray
     confidence: np.ndarray
     part: np.ndarray
     mesh: Welded
@@ -123,10 +126,13 @@ def bake(reconstruction: Reconstruction, size: int) -> Atlas:
     rows, columns = (index[outside] for index in nearest)
     for image in (grid, levels):
         image[outside] = image[rows, columns]
-    return _atlas(grid, levels, part, mesh)
+    return _atlas(grid, levels, photo.displacement, part, mesh)
 
 
-def _atlas(grid: np.ndarray, levels: np.ndarray, part: np.ndarray, mesh: Welded) -> Atlas:
+def _atlas(
+    grid: np.ndarray, levels: np.ndarray, crop: np.ndarray, part: np.ndarray, mesh: Welded
+) -> Atlas:
+    """crop: the displacement in the crop's pixels."""
     linear = np.exp(grid[..., _LOGS])
 
     def normal(slopes: np.ndarray) -> np.ndarray:
@@ -137,7 +143,7 @@ def _atlas(grid: np.ndarray, levels: np.ndarray, part: np.ndarray, mesh: Welded)
         np.ascontiguousarray, (linear[..., :3], linear[..., 3], linear[..., 4], grid[..., _HEIGHT])
     )
     normals = normal(grid[..., 5:7]), normal(grid[..., 7:9])
-    return Atlas(diffuse, specular, roughness, *normals, height, levels, part, mesh)
+    return Atlas(diffuse, specular, roughness, *normals, height, crop, levels, part, mesh)
 
 
 @dataclass(frozen=True)
@@ -220,7 +226,8 @@ class _Photo:
         positive = np.dstack([maps.diffuse_albedo, maps.specular_albedo, maps.roughness])
         logs = np.log(np.maximum(positive, _DARKEST))
         bends = maps.perturbation, maps.diffuse_perturbation()
-        channels = np.dstack([logs, *bends, displacement(r)])
+        self.displacement = displacement(r)
+        channels = np.dstack([logs, *bends, self.displacement])
         self.maps = channels.reshape(pixels, -1)
 
     def may_show(self, mesh: Welded, texels: _Texels) -> np.ndarray:

@@ -20,9 +20,6 @@ from ..scene.mesh import Mesh, surface
 BROADEST = 6.0
 #: The same beside the face and in eyes and mouth, where nothing is raised: the height dies away.
 _BESIDE = 0.5
-#: Grazing surfaces hold few pixels, and errors of theirs are long slopes: the cosines between which
-#: trust grows to 1.
-_GRAZING = (0.15, 0.5)
 #: Channels of Regions.weights. Brows are neither: the skin's height goes on below them, flat.
 _RAISED, _FLAT = [0, 1], [2, 4, 5]
 _MILLIMETRES = 10.0  # of a centimetre
@@ -58,9 +55,7 @@ def _height(r: Reconstruction, frames: PixelFrames, centimetre: float) -> np.nda
         return image.reshape(r.face.mask.size, -1)[frames.pixel]
 
     share, measured = rows(r.photo.regions.weights), rows(r.face.mask)[:, 0]
-    low, high = _GRAZING
-    facing = np.clip((frames.facing - low) / (high - low), 0, 1)
-    raised = facing * measured * share[:, _RAISED].sum(axis=1)
+    raised = frames.trust * measured * share[:, _RAISED].sum(axis=1)
     beside = np.where(measured > 0, share[:, _FLAT].sum(axis=1), 1)
     broadest = centimetre * BROADEST ** (1 - beside) * _BESIDE**beside
     e = rows(r.face.maps.perturbation) * raised[:, None]

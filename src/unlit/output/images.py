@@ -27,7 +27,6 @@ from PIL import Image
 from ..color import encode_srgb
 from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba, second_thread
-from .displacement import displacement
 
 #: What the two ends of a displacement's PNG stand for, mm: more than skin has. 0 is 32768.
 DISPLACEMENT_RANGE = (-5.0, 5.0)
@@ -63,10 +62,9 @@ def tone_mapped(radiance: np.ndarray) -> np.ndarray:
     return encoded(scaled / (1 + scaled))
 
 
-#: The array of a reconstruction, and its preview.
-_Map = tuple[Callable[[Reconstruction], np.ndarray], Callable[[np.ndarray], np.ndarray]]
-#: By name: what a result holds.
-MAPS: dict[str, _Map] = {
+#: By name: the array of a reconstruction, and its preview.
+MAPS: dict[str, tuple[Callable[[Reconstruction], np.ndarray], Callable[[np.ndarray], np.ndarray]]]
+MAPS = {
     "diffuse_albedo": (lambda r: r.face.maps.diffuse_albedo, encoded),
     "specular_albedo": (lambda r: r.face.maps.specular_albedo, lambda image: bytes_of(image / 2)),
     "roughness": (lambda r: r.face.maps.roughness, bytes_of),
@@ -78,8 +76,6 @@ MAPS: dict[str, _Map] = {
     "mask": (lambda r: r.face.mask, bytes_of),
     "environment": (lambda r: r.light.environment, tone_mapped),
 }
-#: By name: what is computed from that when it is written.
-COMPUTED: dict[str, _Map] = {"displacement": (displacement, height_levels)}
 
 
 def exr(image: np.ndarray) -> bytes:

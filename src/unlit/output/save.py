@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Callable, Mapping
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ from ..progress.callbacks import StepProgress, silent
 from ..storage.folder import CHECKPOINT, MARK, REPORT, STAGES, write_all
 from .arrays import write_arrays
 from .export import FORMATS, Contents, ExportJob, told, writers_of
-from .images import COMPUTED, DISPLACEMENT_PNG, MAPS, exr, png
+from .images import DISPLACEMENT_PNG, MAPS, exr, height_levels, png
 from .layout import atlas_size, laid_out
 from .metrics import metrics_json
 from .montage import montage_png
@@ -101,10 +101,11 @@ def save(
         "montage.png": lambda: montage_png(r),
         "segmentation.png": lambda: segmentation_png(r),
     }
-    for name, (array, look) in (MAPS | COMPUTED).items():
-        values = cache(partial(array, r))
-        contents[f"{name}.exr"] = lambda values=values: exr(values())
-        contents[f"{name}.png"] = lambda values=values, look=look: png(look(values()))
+    for name, (array, look) in MAPS.items():
+        contents[f"{name}.exr"] = lambda array=array: exr(array(r))
+        contents[f"{name}.png"] = lambda array=array, look=look: png(look(array(r)))
+    contents["displacement.exr"] = lambda: exr(atlas.crop_displacement)
+    contents["displacement.png"] = lambda: png(height_levels(atlas.crop_displacement))
     for name in ("glb", "obj", "ply"):
         contents |= FORMATS[name](ExportJob(laid, atlas, False, "", LAYOUT))
     contents |= {name: text.encode for name, text in texts.items()}

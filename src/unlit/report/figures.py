@@ -10,7 +10,6 @@ import numpy as np
 
 from ..face.reconstruction import Reconstruction
 from ..output.atlas import DIFFUSED, GRAZING, MIRRORED, PLAIN, SEEN, Atlas
-from ..output.displacement import displacement
 from ..output.images import MAPS, bytes_of, encoded, webp, webp_exact
 from ..output.montage import clay, error, light
 from ..output.textures import normal_bytes
@@ -80,8 +79,8 @@ def overview(r: Reconstruction) -> str:
     return "\n".join(_figure(webp(p, _LARGEST), caption) for caption, p in pictures.items())
 
 
-def maps(r: Reconstruction) -> str:
-    """All image-space maps."""
+def maps(r: Reconstruction, atlas: Atlas) -> str:
+    """All image-space maps; atlas: of `r`."""
     found = []
     for name, (array, look) in MAPS.items():
         picture = look(array(r))
@@ -89,7 +88,7 @@ def maps(r: Reconstruction) -> str:
             inside = r.face.mask > 0
             picture = picture * (inside if picture.ndim == 2 else inside[..., None])
         found.append(_figure(webp(picture, _LARGEST), _MAPS[name]))
-    raised = bytes_of(0.5 + displacement(r) / (2 * _HIGHEST))
+    raised = bytes_of(0.5 + atlas.crop_displacement / (2 * _HIGHEST))
     found.append(_figure(webp(raised, _LARGEST), _DISPLACEMENT))
     return "\n".join(found)
 

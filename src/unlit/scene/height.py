@@ -19,6 +19,9 @@ from .camera import Camera
 
 #: Surfaces that are seen more obliquely than this cosine are taken to be seen so.
 _OBLIQUE = 0.2
+#: Grazing surfaces hold few pixels, and errors of theirs are long slopes: the cosines between which
+#: trust grows to 1.
+_GRAZING = (0.15, 0.5)
 _TOLERANCE, _ITERATIONS = 1e-3, 500
 
 
@@ -58,6 +61,12 @@ class PixelFrames:
         across, down = steps
         size = (camera.width, camera.height)
         return PixelFrames(pixel, *size, across, down, facing.astype(np.float32))
+
+    @property
+    def trust(self) -> np.ndarray:
+        """(P,) in [0, 1]: how far slopes are told where a surface is seen as obliquely as here."""
+        low, high = _GRAZING
+        return np.asarray(np.clip((self.facing - low) / (high - low), 0, 1))
 
     @cached_property
     def _following(self) -> tuple[np.ndarray, np.ndarray]:

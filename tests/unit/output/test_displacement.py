@@ -133,12 +133,11 @@ def test_without_a_face_it_is_zero() -> None:
 
 def test_files_hold_millimetres(tmp_path) -> None:
     """EXR to the bit; the PNG's 16 bits to a ten-thousandth of a millimetre."""
-    array, look = images.COMPUTED["displacement"]
-    height = array(raised(bump)[0])
+    height = displacement(raised(bump)[0])
     (tmp_path / "a.exr").write_bytes(images.exr(height))
     read = np.array(mitsuba().Bitmap(str(tmp_path / "a.exr"))).reshape(height.shape)
     np.testing.assert_array_equal(read, height)
-    levels = np.asarray(Image.open(io.BytesIO(images.png(look(height)))))
+    levels = np.asarray(Image.open(io.BytesIO(images.png(images.height_levels(height)))))
     assert levels.dtype == np.uint16
     np.testing.assert_allclose(levels / 65535 * 10 - 5, height, atol=1e-4)
     ends = images.height_levels(np.array([0, -5, 5, -7, 9.0]))
