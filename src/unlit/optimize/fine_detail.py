@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import drjit as dr
 import numpy as np
 
 from ..machine.runtime import mitsuba
@@ -13,6 +12,7 @@ from ..scene.arrays import device
 from ..scene.lobes import CellRadiance
 from .estimate import Estimate
 from .fine_albedo import fine_albedo
+from .highlights import with_highlights
 from .problem import Problem
 from .relief import with_relief
 from .shade_detail import with_detail_of_shade
@@ -22,26 +22,35 @@ mi = mitsuba()
 
 
 def with_fine_detail(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
-    """First the relief, then the albedo under its shading; `shading` is left with its normals."""
+    """First the relief, then the albedo under its shading; `shading` is left with its normals.
+
+    Last, what of that albedo is a highlight goes to the specular one.
+    """
     settings = problem.settings.detail
     radiance = CellRadiance(shading.cells).of(estimate.light())
 
     def shades(estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
-        """E and rho_s S, (P, 3)."""
+        """E and S, (P, 3)."""
         maps = problem.maps(estimate)
         shading.points = problem.points(*problem.bent_normals(maps))
         shading.update(radiance, maps)
         e, s = shading.shade(radiance)
-        return _rows(e), _rows(dr.exp(estimate.log_specular) * s)
+        return _rows(e), _rows(mi.Color3f(s))
 
     e, _ = shades(estimate)
     relief = with_relief(problem, _rows(estimate.perturbation), e.mean(axis=1), settings)
     estimate = replace(estimate, perturbation=device(mi.Vector3f, relief))
-    e, gloss = shades(estimate)
-    albedo = np.exp(_rows(estimate.log_diffuse))
+    e, s = shades(estimate)
+    albedo, specular = (np.exp(_rows(x)) for x in (estimate.log_diffuse, estimate.log_specular))
+    gloss = specular[:, None] * s
     albedo = fine_albedo(problem, albedo, gloss, e, settings)
     albedo = with_detail_of_shade(problem, albedo, gloss, e, settings)
-    return replace(estimate, log_diffuse=device(mi.Color3f, np.log(albedo)))
+    albedo, specular = with_highlights(problem, albedo, specular, e, s, settings)
+    return replace(
+        estimate,
+        log_diffuse=device(mi.Color3f, np.log(albedo)),
+        log_specular=device(mi.Float, np.log(specular)),
+    )
 
 
 def _rows(values: Any) -> np.ndarray:

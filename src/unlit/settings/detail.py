@@ -20,6 +20,9 @@ class FineDetail:
     shade: E below which all detail that is finer than shade_length goes there, and from which none
         does. shade_error: differences of ln albedo on skin that shading may have made; shade_range:
         what is left of them at most, darker and brighter.
+    highlight_length: how far around a pixel the colour of the skin's body is looked for.
+        highlight_margin: how much brighter and whiter than that, over its level, no highlight is.
+        highlight_most: specular albedo that a highlight adds at most; 0 leaves it in the albedo.
     """
 
     relief: Weight = 3.0
@@ -32,3 +35,6 @@ class FineDetail:
     shade_length: Positive = 32.0
     shade_error: Weight = 0.12
     shade_range: tuple[float, float] = (-1.2, 0.4)
+    highlight_length: Positive = 32.0
+    highlight_margin: Share = 0.03
+    highlight_most: Weight = 3.0
