@@ -33,10 +33,10 @@ def add(commands: Any) -> None:
         "reconstruct",
         run,
         "a photo to a folder of maps, mesh and light",
-        "Reconstruct the face in PHOTO (JPEG, PNG, TIFF, WebP, HEIC) into the folder DIR. While "
-        "it runs, DIR/unlit-preview.png shows the state after each stage; all results come at the "
-        "end, at once. An older result in DIR is replaced. The state is kept in DIR after every "
-        "stage: the same command with --resume goes on after Ctrl-C, a crash or kill -9, "
+        "Reconstruct the face in PHOTO (JPEG, PNG, TIFF, WebP, HEIC, AVIF) into the folder DIR. "
+        "While it runs, DIR/unlit-preview.png shows the state after each stage; all results come "
+        "at the end, at once. An older result in DIR is replaced. The state is kept in DIR after "
+        "every stage: the same command with --resume goes on after Ctrl-C, a crash or kill -9, "
         "and gives the same bits. To go on from a saved result instead, edit its albedo maps or "
         "its mask, and name the folder and the first stage to run again.",
         "  unlit reconstruct portrait.jpg -o portrait\n"
