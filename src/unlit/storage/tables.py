@@ -21,6 +21,8 @@ Content = TypeVar("Content")
 MAX_BYTES = 1 << 20
 #: In one line. The parser's time grows with the square of a dotted key's parts.
 _MAX_DOTS = 200
+_HEADER = re.compile(r"\[([^\[\]]+)\]\s*(?:#.*)?$")
+_KEY = re.compile(r"([\w\"'](?:[\w.\"' \t-]{0,200}?))\s*=")
 _FIELD = re.compile(r"Object (missing required|contains unknown) field `(.*)`")
 
 
@@ -48,6 +50,39 @@ def read_toml(path: Path, error: type[UnlitError]) -> dict[str, Any]:
         raise error(f"{path}: no valid TOML (nested too deep)") from cause
     except ValueError as cause:
         raise error(f"{path}: no valid TOML ({cause})") from cause
+
+
+def place_of(path: Path, name: str) -> str:
+    """Where the field `name` (dotted) stands in a TOML file, for messages: "FILE, line 7".
+
+    Without a number where it does not stand in a line of its own; then of the last of its tables
+    or fields that does, as for "crop.matrix[0]" or a field that is missing.
+    """
+    lines = _lines(path)
+    parts = re.sub(r"\[[^\[\]]*\]", "", name).split(".")
+    for count in range(len(parts), 0, -1):
+        if line := lines.get(".".join(parts[:count])):
+            return f"{path}, line {line}"
+    return str(path)
+
+
+def _lines(path: Path) -> dict[str, int]:
+    """The lines of a TOML file, from 1, in which tables and fields begin, by dotted name."""
+    found: dict[str, int] = {}
+    table = ""
+    for number, line in enumerate(path.read_bytes()[:MAX_BYTES].splitlines(), 1):
+        text = line.decode(errors="replace").strip()
+        if header := _HEADER.match(text):
+            table = _plain(header[1])
+            found.setdefault(table, number)
+        elif key := _KEY.match(text):
+            found.setdefault(".".join(filter(None, [table, _plain(key[1])])), number)
+    return found
+
+
+def _plain(key: str) -> str:
+    """A key without its quotes and spaces."""
+    return ".".join(part.strip(" \t\"'") for part in key.split("."))
 
 
 def array(kind: Any, value: Any) -> np.ndarray:

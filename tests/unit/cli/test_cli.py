@@ -15,7 +15,7 @@ from PIL import Image
 import unlit
 from unlit import cli
 from unlit.cli import settings
-from unlit.errors import FaceError, ModelError
+from unlit.errors import FaceError, ModelError, SettingsError
 from unlit.face.reconstruction import Metrics
 from unlit.settings import settings as schedule
 
@@ -145,6 +145,29 @@ def test_config_may_be_an_older_result(photo, tmp_path):
     path.write_text('photo = "x"\n[settings]\nbounces = 1\n')
     options = cli._parser().parse_args(["reconstruct", "a", "-o", "b", "--config", str(path)])
     assert settings.settings_of(options).bounces == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("# x\nrate_hld = 0.5\n", ", line 2: rate_hld: no such setting; did you mean rate_hold?"),
+        ("[settings]\n\nrate_hld = 0.5", ", line 3: rate_hld: no such setting"),
+        ("photo = 'a'\nrate_hld = 0.5\n[settings]", ", line 2: rate_hld: settings stand below"),
+        ("[stage2]\nrate = -1", ", line 2: stage2.rate=-1: expected float, 0 or more, at most"),
+        ("stage2.rate = -1", ", line 1: stage2.rate=-1"),
+        ("stage2 = {rate = -1}", ", line 1: stage2.rate=-1"),
+        ("[landmark_fit]\ndim = [\n 0.4, 0.3]", ", line 2: landmark_fit.dim: the second"),
+        ("light_color = 'warm'", ", line 1: light_color='warm': write"),
+    ],
+)
+def test_mistakes_in_a_settings_file_are_found_by_line(tmp_path, text, said):
+    """File, line, name, and what may stand there; nothing is passed over."""
+    path = tmp_path / "c.toml"
+    path.write_text(text)
+    options = cli._parser().parse_args(["reconstruct", "a", "-o", "b", "--config", str(path)])
+    with pytest.raises(SettingsError) as error:
+        settings.settings_of(options)
+    assert str(error.value).startswith(f"{path}{said}")
 
 
 @pytest.mark.parametrize(
