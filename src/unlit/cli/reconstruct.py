@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import OutputError, SettingsError
 from . import models
+from .arguments import user_path
 from .parser import command, refuse_unused
-from .settings import add_settings, settings_of
+from .settings import add_settings, assigned, settings_of
 
 if TYPE_CHECKING:
     from ..output.atlas import Atlas
@@ -48,16 +49,20 @@ def add(commands: Any) -> None:
         "      --set stage2.iterations=500\n"
         "  unlit reconstruct --resume portrait --from-stage 4 -o edited",
     )
-    parser.add_argument("photo", metavar="PHOTO", nargs="?", help="the picture file")
-    parser.add_argument("-o", "--output", metavar="DIR", help="folder to write")
+    parser.add_argument(
+        "photo", type=user_path, metavar="PHOTO", nargs="?", help="the picture file"
+    )
+    parser.add_argument("-o", "--output", type=user_path, metavar="DIR", help="folder to write")
     parser.add_argument(
         "--mask",
+        type=user_path,
         metavar="FILE",
         help="picture of the photo's size: white is face skin to use, black is to be left out",
     )
     parser.add_argument(
         "--resume",
         nargs="?",
+        type=user_path,
         const=True,
         metavar="DIR",
         help="go on with the unfinished run in DIR (or in that of -o), from its last whole stage",
@@ -181,7 +186,7 @@ def _continue(options: argparse.Namespace) -> int:
     source, stage = Path(named), options.from_stage
     face = load(source)
     changes = {} if options.exposure is None else {"exposure": options.exposure}
-    settings = override(face.settings, changes | dict(options.set))
+    settings = override(face.settings, changes | assigned(options))
     folder = Path(options.output or named)
     with reserve(folder, RESULT_FILES, needed_bytes(settings.resolution)) as preview:
         from ..pipeline.resume import check_resumable, resume

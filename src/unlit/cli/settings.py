@@ -13,6 +13,7 @@ from ..settings.conditions import CastShadowMode
 from ..settings.ranges import is_table
 from ..settings.settings import PRESETS, Settings, override
 from ..settings.sun import SunMode
+from .arguments import user_path
 
 #: Fields of a saved result's reconstruction.toml (output/result_file.py).
 _BESIDE = {"format", "unlit", "photo", "camera", "crop", "light", "settings", "files"}
@@ -49,6 +50,7 @@ def add_settings(parser: argparse.ArgumentParser, preset: str, every_face: bool 
     )
     parser.add_argument(
         "--model",
+        type=user_path,
         metavar="NAME",
         help="head model to fit: makehuman (default), ict once added by `unlit models add`, or an "
         ".npz file of docs/head-model-format.md",
@@ -64,6 +66,7 @@ def add_settings(parser: argparse.ArgumentParser, preset: str, every_face: bool 
     )
     parser.add_argument(
         "--config",
+        type=user_path,
         metavar="FILE.toml",
         help="settings from a TOML file, or those of an older result's reconstruction.toml",
     )
@@ -117,17 +120,27 @@ def settings_of(options: argparse.Namespace) -> Settings:
     """Preset, then --config, then the options with names of settings, then --set."""
     settings = PRESETS[options.preset]
     if options.config is not None:
-        settings = _configured(settings, Path(options.config).expanduser())
+        settings = _configured(settings, Path(options.config))
     named = {name: getattr(options, option) for option, name in _SETTINGS.items()}
     settings = override(settings, {name: said for name, said in named.items() if said is not None})
-    settings = override(settings, dict(options.set))
+    settings = override(settings, assigned(options))
     if settings.head_model.endswith(".npz"):
         # A worker or a later run may have another working directory.
-        file = Path(settings.head_model).expanduser().resolve()
+        file = Path(user_path(settings.head_model)).resolve()
         settings = replace(settings, head_model=str(file))
     if options.memory is not None:
         cost.check_memory(options.memory, settings.resolution)
     return settings
+
+
+def assigned(options: argparse.Namespace) -> dict[str, str]:
+    """What --set says, by name. Raises SettingsError for a name that is said twice."""
+    found: dict[str, str] = {}
+    for name, value in options.set:
+        if name in found:
+            raise SettingsError(f"--set {name}: given twice; give it once")
+        found[name] = value
+    return found
 
 
 def _configured(settings: Settings, path: Path) -> Settings:
