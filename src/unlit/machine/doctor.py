@@ -29,6 +29,7 @@ EXTRAS = {
     "video": (("av",), "MP4 of `unlit relight`"),
     "batch": (("distributed", "fsspec", "cryptography", "psutil"), "`unlit batch`"),
     "parquet": (("pyarrow",), "a batch's table as Parquet"),
+    "raw": (("rawpy",), "raw files of cameras"),
 }
 _PYTHON = ((3, 11), (3, 14))
 _PROBE_SECONDS = 120

@@ -1,13 +1,13 @@
 """A file's bytes to its stored values, and to what the file says of their colours.
 
-Pillow decodes JPEG, PNG, TIFF, WebP and AVIF, pillow-heif HEIC, OpenCV what has more than 8 bits.
+Pillow decodes JPEG, PNG, TIFF, WebP and AVIF, pillow-heif HEIC, OpenCV what has more than 8 bits,
+LibRaw the raw files of cameras (raw.py).
 """
 
 from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,34 +19,15 @@ from PIL.TiffImagePlugin import TiffImageFile
 
 from ..errors import PhotoError
 from .colour_space import ADOBE_RGB, ColourSpace, coded_space
+from .decoded import Decoded, check_size
 from .png_colours import png_code_points, png_gamma_space
-
-MAX_PIXELS = 100_000_000
-MIN_SIDE = 64
+from .raw import decode_raw, is_raw
 
 _FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "AVIF")
 #: ISO/IEC 23008-12 and the AVIF specification; a file of the general ones may hold either codec.
 _GENERAL_BRANDS = {b"mif1", b"msf1"}
 _HEVC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx"}
 _AV1_BRANDS = {b"avif", b"avis"}
-
-
-@dataclass(frozen=True)
-class Decoded:
-    """A file's values as stored: pixels (H, W, C) uint8 or uint16, C = 1 grey, 3, or 4 CMYK.
-
-    alpha: (H, W) of the same type, or None.  white: the value that stands for 1.
-    icc, space: what the values mean: an ICC profile or what the file says instead, not both.
-    orientation: EXIF value 1 to 8 still to be applied.
-    """
-
-    pixels: np.ndarray
-    alpha: np.ndarray | None
-    white: int
-    icc: bytes | None
-    space: ColourSpace | None
-    exif: Image.Exif
-    orientation: int
 
 
 def decode(data: bytes, path: Path) -> Decoded:
@@ -56,6 +37,8 @@ def decode(data: bytes, path: Path) -> Decoded:
     type that is not supported; ProfileError for colours that are not; and on damaged data whatever
     the decoders raise.
     """
+    if is_raw(data, path):
+        return decode_raw(data, path)
     codec = _container_codec(data)
     if codec == "hevc":
         return _decode_heif(data, path)
@@ -73,18 +56,6 @@ def _container_codec(data: bytes) -> str | None:
     ):
         return "av1"
     return "hevc" if brands[0] in _HEVC_BRANDS | _GENERAL_BRANDS else None
-
-
-def _check_size(width: int, height: int, path: Path) -> None:
-    if width * height > MAX_PIXELS:
-        raise PhotoError(
-            f"{path}: {width} x {height} pixels, more than {MAX_PIXELS / 1e6:.0f} megapixels; "
-            "scale it down"
-        )
-    if min(width, height) < MIN_SIDE:
-        raise PhotoError(
-            f"{path}: {width} x {height} pixels, too small; at least {MIN_SIDE} a side are needed"
-        )
 
 
 def _open_container(data: bytes) -> Any:
@@ -107,7 +78,7 @@ def _decode_heif(data: bytes, path: Path) -> Decoded:
     file = _open_container(data)
     info: dict[str, Any] = file.info
     width, height = file.size
-    _check_size(width, height, path)
+    check_size(width, height, path)
     space = _container_space(info)
     pixels = np.asarray(file)
     pixels = pixels[..., None] if pixels.ndim == 2 else pixels
@@ -129,7 +100,7 @@ def _decode_heif(data: bytes, path: Path) -> Decoded:
 def _decode(data: bytes, path: Path, container: bool) -> Decoded:
     """container: whether it is a HEIF container, as AVIF's."""
     with Image.open(io.BytesIO(data), formats=_FORMATS) as image:
-        _check_size(*image.size, path)
+        check_size(*image.size, path)
         exif = image.getexif()
         # Both decoders turn a TIFF picture upright themselves, and no other format.
         turned = image.format == "TIFF"

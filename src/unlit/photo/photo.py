@@ -27,7 +27,8 @@ from PIL import ExifTags, Image, ImageCms, UnidentifiedImageError
 from ..color import decode_srgb, encode_srgb
 from ..errors import PhotoError
 from ..storage.arrays import reason
-from .decode import MAX_PIXELS, Decoded, decode
+from .decode import decode
+from .decoded import MAX_PIXELS, Decoded
 from .icc import Profile, ProfileError, matrix_profile, srgb_profile
 
 MAX_BYTES = 1 << 30

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from corrupt import damaged
+from dng_file import dng, mosaic
 from png_file import chrm, chunk, cicp, gama, png
 from profiles import DISPLAY_P3, SRGB_CURVE, curv, grey_tables, matrix, para
 from unlit.errors import PhotoError
@@ -68,6 +69,7 @@ PHOTOS = [
     heif(color_primaries=9, transfer_characteristics=18, matrix_coefficients=9, full_range_flag=1),
     encoded("AVIF"),
     deep_avif(),
+    dng(mosaic((0.5, 0.4, 0.3), 64, 64)),
     png(GREY, 2, cicp(9, 16, 0, 0)),
     png(GREY, 2, gama(1.0), chrm(0.3457, 0.3585, 0.64, 0.33, 0.21, 0.71, 0.15, 0.06)),
 ]
