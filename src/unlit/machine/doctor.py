@@ -30,6 +30,7 @@ EXTRAS = {
     "batch": (("distributed", "fsspec", "cryptography", "psutil"), "`unlit batch`"),
     "parquet": (("pyarrow",), "a batch's table as Parquet"),
     "raw": (("rawpy",), "raw files of cameras"),
+    "jxl": (("pillow_jxl",), "JPEG XL of 8 bits"),
 }
 _PYTHON = ((3, 11), (3, 14))
 _PROBE_SECONDS = 120

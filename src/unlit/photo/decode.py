@@ -1,7 +1,7 @@
 """A file's bytes to its stored values, and to what the file says of their colours.
 
 Pillow decodes JPEG, PNG, TIFF, WebP and AVIF, pillow-heif HEIC, OpenCV what has more than 8 bits,
-LibRaw the raw files of cameras (raw.py).
+LibRaw the raw files of cameras (raw.py), pillow-jxl-plugin JPEG XL (jxl.py).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from PIL.TiffImagePlugin import TiffImageFile
 from ..errors import PhotoError
 from .colour_space import ADOBE_RGB, ColourSpace, coded_space
 from .decoded import Decoded, check_size
+from .jxl import decode_jxl, is_jxl
 from .png_colours import png_code_points, png_gamma_space
 from .raw import decode_raw, is_raw
 
@@ -39,6 +40,8 @@ def decode(data: bytes, path: Path) -> Decoded:
     """
     if is_raw(data, path):
         return decode_raw(data, path)
+    if is_jxl(data):
+        return decode_jxl(data, path)
     codec = _container_codec(data)
     if codec == "hevc":
         return _decode_heif(data, path)

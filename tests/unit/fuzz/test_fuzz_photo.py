@@ -1,6 +1,7 @@
 """Damaged photos and colour profiles: a picture of finite numbers, or one line of what is wrong."""
 
 import contextlib
+import importlib.util
 import io
 import struct
 import zlib
@@ -19,6 +20,7 @@ from png_file import chrm, chunk, cicp, gama, png
 from profiles import DISPLAY_P3, SRGB_CURVE, curv, grey_tables, matrix, para
 from unlit.errors import PhotoError
 from unlit.photo.icc import ProfileError, matrix_profile
+from unlit.photo.jxl import read_header
 from unlit.photo.photo import read_photo
 
 FUZZ = settings.get_profile("fuzz")
@@ -52,6 +54,17 @@ def deep_avif() -> bytes:
     return cv2.imencode(".avif", pixels, [cv2.IMWRITE_AVIF_DEPTH, 10])[1].tobytes()
 
 
+def jxl() -> list[bytes]:
+    """None without the extra."""
+    if importlib.util.find_spec("pillow_jxl") is None:
+        return []
+    import pillow_jxl  # noqa: F401
+
+    out = io.BytesIO()
+    Image.new("RGB", (70, 64), (90, 80, 70)).save(out, "JXL", use_container=True)
+    return [out.getvalue()]
+
+
 GREY = np.full((64, 70, 3), 90, np.uint8)
 
 
@@ -70,6 +83,7 @@ PHOTOS = [
     encoded("AVIF"),
     deep_avif(),
     dng(mosaic((0.5, 0.4, 0.3), 64, 64)),
+    *jxl(),
     png(GREY, 2, cicp(9, 16, 0, 0)),
     png(GREY, 2, gama(1.0), chrm(0.3457, 0.3585, 0.64, 0.33, 0.21, 0.71, 0.15, 0.06)),
 ]
@@ -116,6 +130,17 @@ def test_damaged_profiles(content):
         return
     assert np.isfinite(profile.curves).all()
     assert profile.matrix is None or np.isfinite(profile.matrix).all()
+
+
+@settings(FUZZ)
+@given(st.binary(max_size=90))
+def test_any_header_of_jpeg_xl(content):
+    """A size, or ValueError."""
+    container = b"\0\0\0\x0cJXL \r\n\x87\n"
+    for start in (b"\xff\n", container, container + b"\0\0\0\x50jxlc\xff\n"):
+        with contextlib.suppress(ValueError):
+            header = read_header(start + content)
+            assert header.width > 0 and header.height > 0
 
 
 @settings(FUZZ)
