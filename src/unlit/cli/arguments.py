@@ -53,7 +53,9 @@ class Parser(argparse.ArgumentParser):
             self.register("action", name, _Once)
         self.register("action", "store_true", _Flag)
 
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+    def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride] (overloads)
+        self, args: Any = None, namespace: Any = None
+    ) -> Any:
         """As argparse does. An unknown option is the fault of the command's own parser."""
         self._said = list(sys.argv[1:] if args is None else args)
         found, unknown = super().parse_known_args(args, namespace)

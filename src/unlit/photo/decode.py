@@ -121,7 +121,8 @@ def _decode(data: bytes, path: Path, container: bool) -> Decoded:
         if image.format == "PNG":
             space = png_code_points(data)
             icc = None if space else icc
-            space = space or (None if icc else png_gamma_space(image.info))
+            said: dict[Any, Any] = image.info
+            space = space or (None if icc else png_gamma_space(said))
         if icc is None and space is None:
             space = _exif_space(exif)
         deep = bits == 16 or (container and bits > 8)

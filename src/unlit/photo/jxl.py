@@ -8,6 +8,7 @@ decoded, and what has more than 8 bits, or moves, is refused with the remedy.
 # pyright: basic
 from __future__ import annotations
 
+import importlib
 import io
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,7 +58,7 @@ def decode_jxl(data: bytes, path: Path) -> Decoded:
             f"{path}: JPEG XL of more than 8 bits, or with an animation or preview; {_REMEDY}"
         )
     try:
-        import pillow_jxl  # noqa: F401  (adds the format to Pillow)
+        importlib.import_module("pillow_jxl")  # adds the format to Pillow
     except ImportError as error:
         raise PhotoError(f"{path}: {_WITHOUT}") from error
     try:

@@ -10,9 +10,11 @@ their negative components.
 from __future__ import annotations
 
 import contextlib
+import importlib
 import io
 import struct
 from pathlib import Path
+from typing import Any
 
 from PIL import Image
 
@@ -68,7 +70,7 @@ def decode_raw(data: bytes, path: Path) -> Decoded:
     bounds; ValueError for what LibRaw refuses.
     """
     try:
-        import rawpy
+        rawpy: Any = importlib.import_module("rawpy")
     except ImportError as error:
         raise PhotoError(
             f"{path}: a camera's raw file: `pip install 'unlit[raw]'` to read it, or save it as a "
@@ -82,10 +84,10 @@ def decode_raw(data: bytes, path: Path) -> Decoded:
                 no_auto_bright=True,
                 adjust_maximum_thr=0.0,
                 use_camera_wb=True,
-                output_color=rawpy.ColorSpace.Rec2020,  # pyright: ignore
+                output_color=rawpy.ColorSpace.Rec2020,
                 output_bps=16,
             )
-    except rawpy.LibRawError as error:  # pyright: ignore
+    except rawpy.LibRawError as error:
         said = error.args[0] if error.args else ""
         text = said.decode(errors="replace") if isinstance(said, bytes) else str(said)
         raise ValueError(f"LibRaw: {text}") from error

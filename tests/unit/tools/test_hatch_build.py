@@ -5,6 +5,7 @@ import subprocess
 import sys
 import types
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -34,9 +35,10 @@ def build(monkeypatch):
     for count in range(1, len(parts) + 1):
         part = ".".join(parts[:count])
         monkeypatch.setitem(sys.modules, part, types.ModuleType(part))
-    sys.modules[name].BuildHookInterface = Hook
+    monkeypatch.setattr(sys.modules[name], "BuildHookInterface", Hook, raising=False)
     spec = importlib.util.spec_from_file_location("hatch_build_under_test", SOURCE)
-    module = importlib.util.module_from_spec(spec)
+    assert spec is not None and spec.loader is not None
+    module: Any = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
