@@ -27,9 +27,10 @@ from PIL import ExifTags, Image, ImageCms, UnidentifiedImageError
 from ..color import decode_srgb, encode_srgb
 from ..errors import PhotoError
 from ..storage.arrays import reason
+from .colour_space import coded_space
 from .decode import decode
 from .decoded import MAX_PIXELS, Decoded
-from .icc import Profile, ProfileError, matrix_profile, srgb_profile
+from .icc import Profile, ProfileError, hdr_code_points, matrix_profile, srgb_profile
 
 MAX_BYTES = 1 << 30
 
@@ -181,6 +182,10 @@ def _read_bytes(path: Path) -> bytes:
 def _linear(decoded: Decoded) -> tuple[np.ndarray, str]:
     """Linear sRGB (H, W, 3) float32 of the stored values, not turned, and how it was found."""
     pixels, levels, colours = decoded.pixels, decoded.white + 1, "sRGB (no profile)"
+    codes = hdr_code_points(decoded.icc) if decoded.icc else None
+    space = coded_space(*codes) if codes else decoded.space
+    if space is not None and pixels.shape[2] in (1, 3):
+        return _apply(space.profile(decoded.white), pixels), space.name
     if decoded.icc:
         try:
             profile = matrix_profile(decoded.icc, levels)
@@ -191,8 +196,6 @@ def _linear(decoded: Decoded) -> tuple[np.ndarray, str]:
             if converted is not None:
                 return _apply(srgb_profile(256), converted), "ICC profile (tables, 8 bits)"
         colours = "sRGB (the file's ICC profile cannot be used)"
-    elif decoded.space is not None and pixels.shape[2] in (1, 3):
-        return _apply(decoded.space.profile(decoded.white), pixels), decoded.space.name
     if pixels.shape[2] == 4:
         pixels = np.asarray(_pillow_image(pixels).convert("RGB"))
         colours = colours.replace("sRGB", "uncalibrated CMYK")

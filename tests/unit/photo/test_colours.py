@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from png_file import chrm, chunk, cicp, gama, iccp, png
-from profiles import DISPLAY_P3, SRGB_CURVE, matrix
+from profiles import DISPLAY_P3, SRGB_CURVE, grey_tables, matrix
 from unlit.color import decode_srgb
 from unlit.errors import PhotoError
 from unlit.photo.colour_space import hlg, pq
@@ -220,6 +220,20 @@ def test_adobe_rgb_of_a_camera(tmp_path):
             linear = (COLOURS / 255) ** 2.19921875
             wanted = [1.39836, -0.39836, 0] @ linear.T, linear[:, 1]
             np.testing.assert_allclose(found[:, :2], np.stack(wanted, axis=1), atol=0.02)
+
+
+@pytest.mark.parametrize(("transfer", "curve"), [(16, pq), (18, hlg), (13, None)])
+def test_hdr_profile(tmp_path, transfer, curve):
+    """By the code points in it, since its tables squeeze the highlights; only for PQ and HLG."""
+    points = b"cicp\0\0\0\0" + bytes((9, transfer, 0, 1))
+    tables = grey_tables(3, b"RGB ", {b"cicp": points})
+    found, said = read(tmp_path, png(bands(), 2, iccp(tables)))
+    if curve is None:
+        assert said == "ICC profile (tables, 8 bits)"
+        return
+    assert said == f"code points 9/{transfer}"
+    wanted = curve(COLOURS / 255) @ BT2020.T
+    np.testing.assert_allclose(found, wanted, atol=5e-4 * max(1, wanted.max()))
 
 
 def test_grey_png_with_gamma(tmp_path):
