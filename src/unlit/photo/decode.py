@@ -23,6 +23,7 @@ from .decoded import Decoded, check_size
 from .jxl import decode_jxl, is_jxl
 from .png_colours import png_code_points, png_gamma_space
 from .raw import decode_raw, is_raw
+from .tiff_colours import tiff_space
 
 _FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "AVIF")
 #: ISO/IEC 23008-12 and the AVIF specification; a file of the general ones may hold either codec.
@@ -123,6 +124,9 @@ def _decode(data: bytes, path: Path, container: bool) -> Decoded:
             icc = None if space else icc
             said: dict[Any, Any] = image.info
             space = space or (None if icc else png_gamma_space(said))
+        if isinstance(image, TiffImageFile) and not icc:
+            entries: Any = image.tag_v2
+            space = tiff_space(entries)
         if icc is None and space is None:
             space = _exif_space(exif)
         deep = bits == 16 or (container and bits > 8)

@@ -77,6 +77,7 @@ PHOTOS = [
     encoded("PNG", "I;16"),
     encoded("TIFF", compression="tiff_lzw"),
     encoded("TIFF", "I;16"),
+    encoded("TIFF", tiffinfo={318: (0.3127, 0.329), 319: (0.68, 0.32, 0.265, 0.69, 0.15, 0.06)}),
     encoded("WEBP", lossless=True),
     heif(),
     heif(color_primaries=9, transfer_characteristics=18, matrix_coefficients=9, full_range_flag=1),

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pillow_heif
 import pytest
-from PIL import Image
+from PIL import Image, TiffImagePlugin
 
 from png_file import chrm, chunk, cicp, gama, iccp, png
 from profiles import DISPLAY_P3, SRGB_CURVE, grey_tables, matrix
@@ -188,6 +188,45 @@ def test_png_by_gamma_and_chromaticities(tmp_path, chunks, wanted, deep):
     pixels = bands().astype(np.uint16) * 257 if deep else bands()
     found, _ = read(tmp_path, png(pixels, 2, *chunks))
     np.testing.assert_allclose(found, wanted, atol=5e-4)
+
+
+TABLE = tuple(np.rint(65535 * np.linspace(0, 1, 256) ** 1.8).astype(int).tolist())
+P3_TAGS = {318: D65, 319: (0.68, 0.32, 0.265, 0.69, 0.15, 0.06)}
+
+
+def tiff(tags, **options):
+    out = io.BytesIO()
+    entries = TiffImagePlugin.ImageFileDirectory_v2()
+    for tag, value in tags.items():
+        entries[tag] = value
+        entries.tagtype[tag] = 3 if tag == 301 else 5
+    Image.fromarray(bands()).save(out, "TIFF", tiffinfo=entries, **options)
+    return out.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("tags", "wanted"),
+    [
+        ({301: TABLE}, (COLOURS / 255) ** 1.8),
+        ({301: 3 * TABLE}, (COLOURS / 255) ** 1.8),
+        (P3_TAGS, decode_srgb(COLOURS / 255) @ P3.T),
+        ({301: TABLE, **P3_TAGS}, (COLOURS / 255) ** 1.8 @ P3.T),
+    ],
+)
+def test_tiff_by_its_tags(tmp_path, tags, wanted):
+    """A curve, primaries, both; an ICC profile goes before them."""
+    found, said = read(tmp_path, tiff(tags))
+    assert said == "TIFF tags"
+    np.testing.assert_allclose(found, wanted, atol=5e-4)
+    profile = matrix(DISPLAY_P3, SRGB_CURVE)
+    assert read(tmp_path, tiff(tags, icc_profile=profile))[1] == "ICC profile"
+
+
+@pytest.mark.parametrize("tags", [{301: 2 * TABLE + TABLE[::-1]}, {301: (5,)}, {318: (0.3, 0.0)}])
+def test_tiff_with_tags_that_make_no_sense(tmp_path, tags):
+    """Refused."""
+    with pytest.raises(PhotoError, match="cannot be read right"):
+        read(tmp_path, tiff(tags))
 
 
 def test_another_white_becomes_white(tmp_path):
