@@ -1,14 +1,17 @@
 """Bundle the report's viewer (viewer/) with three.js when unlit is built.
 
 Node comes from a wheel, a requirement of the build; three.js and the bundler come from npm, as
-package-lock.json pins them. Where npm cannot be reached the build goes on without the viewer: the
-reason is left in the package, and reports and `unlit doctor` name it.
+package-lock.json pins them. Where npm cannot be reached the build goes on without the viewer. The
+reason is left in the package in one plain line, which `unlit reconstruct`, reports and `unlit
+doctor` say, since pip shows nothing of a build that goes well. All of npm's words are in the
+build's log (`pip install -v`).
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import tempfile
@@ -24,7 +27,14 @@ _NPM = (*_QUIET, "--fetch-retries=1", "--fetch-timeout=30000")
 
 
 class NpmError(Exception):
-    """npm is not there, or its registry cannot be reached."""
+    """npm is not there, or its registry cannot be reached.
+
+    The message is plain and short. said: npm's own words, for the build's log.
+    """
+
+    def __init__(self, message: str, said: str = "") -> None:
+        super().__init__(message)
+        self.said = said
 
 
 class ViewerHook(BuildHookInterface[Any]):
@@ -40,16 +50,30 @@ class ViewerHook(BuildHookInterface[Any]):
         try:
             text = mark + _bundle(source)
         except (OSError, NpmError, ImportError, subprocess.TimeoutExpired) as error:
-            reason = " ".join(str(error).split())[:500]
+            reason = _plain(error)
             program.unlink(missing_ok=True)
             missing.write_text(reason + "\n", encoding="utf-8")
             self.app.display_warning(
-                f"{'*' * 72}\nunlit is built WITHOUT the viewer of its reports: {reason}\n"
+                f"{getattr(error, 'said', error)}\n{'*' * 72}\n"
+                f"unlit is built WITHOUT the viewer of its reports: {reason}\n"
                 f"All else works. Build again where npm's registry can be reached.\n{'*' * 72}"
             )
             return
         missing.unlink(missing_ok=True)
         program.write_text(text, encoding="utf-8")
+
+
+def _plain(error: Exception) -> str:
+    """Why there is no viewer, in a few words."""
+    match error:
+        case NpmError():
+            return str(error)
+        case ImportError():
+            return "there is no Node for this machine"
+        case subprocess.TimeoutExpired():
+            return f"npm gave no answer within {_SECONDS} seconds"
+        case _:
+            return f"Node could not be run ({type(error).__name__})"
 
 
 def _digest(source: Path) -> str:
@@ -73,7 +97,7 @@ def _bundle(source: Path) -> str:
         )
         said = _npm(folder, "ci", *_NPM)
         if said:
-            raise NpmError(f"npm ci failed: {said}")
+            raise NpmError(f"npm could not fetch three.js and esbuild ({_code(said)})", said)
         said = _npm(folder, "run", "build")
         if said:
             raise RuntimeError(f"viewer/ cannot be bundled: {said}")
@@ -103,5 +127,10 @@ def _npm(folder: Path, *arguments: str) -> str:
     )
     if result.returncode == 0:
         return ""
-    lines = [line for line in (result.stderr + result.stdout).splitlines() if line.strip()]
-    return " ".join(lines[:6]) or "no message"
+    return (result.stderr + result.stdout).strip() or "no message"
+
+
+def _code(said: str) -> str:
+    """npm's word for what went wrong, as ENOTFOUND where there is no network."""
+    found = re.search(r"^npm (?:error|ERR!) code (\w+)", said, re.MULTILINE)
+    return found[1] if found else "it gave no reason"

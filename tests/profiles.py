@@ -66,10 +66,10 @@ def matrix(colorants, curve):
     return build({**columns, **dict.fromkeys((b"rTRC", b"gTRC", b"bTRC"), curve)})
 
 
-def grey_tables(channels, space):
+def grey_tables(channels, space, more=()):
     """A profile of tables that shows any ink or light as grey of L = 100 - 100 mean (or mean).
 
-    lut16Type to Lab: 2 grid points a channel, identity curves.
+    lut16Type to Lab: 2 grid points a channel, identity curves. more: further tags.
     """
     curve = struct.pack(">2H", 0, 65535)
     points = np.indices((2,) * channels).reshape(channels, -1).T
@@ -77,4 +77,4 @@ def grey_tables(channels, space):
     nodes = b"".join(struct.pack(">3H", round(0xFF00 * level), 0x8000, 0x8000) for level in levels)
     head = b"mft2" + bytes(4) + bytes((channels, 3, 2, 0)) + _fixed(1, 0, 0, 0, 1, 0, 0, 0, 1)
     lut = head + struct.pack(">2H", 2, 2) + channels * curve + nodes + 3 * curve
-    return build({b"A2B0": lut}, space=space, connection=b"Lab ", version=0x02400000)
+    return build({b"A2B0": lut, **dict(more)}, space=space, connection=b"Lab ", version=0x02400000)

@@ -14,7 +14,7 @@ from ..errors import PhotoError
 from ..storage.folder import MARK
 
 #: What counts as a photo in a folder or glob; a file named by itself may be called anything.
-SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".heic", ".heif")
+SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".heic", ".heif", ".avif", ".jxl")
 #: Bytes of a result's name in UTF-8: file systems allow 255, and a suffix may be added.
 _LONGEST = 100
 _WINDOWS = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)

@@ -19,6 +19,7 @@ from typing import Any
 
 from ..errors import SettingsError, UnlitError
 from . import batch, demo, doctor, evaluate, export, models, reconstruct, relight, show
+from .arguments import Parser
 
 #: In the order of the help.
 COMMANDS = (reconstruct, batch, demo, evaluate, show, relight, export, models, doctor)
@@ -125,8 +126,8 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> Parser:
+    parser = Parser(
         prog="unlit",
         description="One photo of a face in; mesh, albedo, normals and light out.",
         epilog="example:\n  unlit reconstruct portrait.jpg -o portrait\n\n"
@@ -137,4 +138,5 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for module in COMMANDS:
         module.add(commands)
+    parser.commands = commands.choices
     return parser

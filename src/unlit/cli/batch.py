@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from . import models
+from .arguments import user_path
 from .parser import command
 from .settings import add_settings, settings_of
 
@@ -26,9 +27,15 @@ def add(commands: Any) -> None:
         "  unlit batch 'shoot/**/*.jpg' portrait.png -o results --preset draft --face largest\n"
         "  unlit batch /shared/photos -o s3://bucket/results --scheduler tcp://10.0.0.5:8786",
     )
-    parser.add_argument("inputs", metavar="INPUT", nargs="+", help="a photo, a folder, or a glob")
     parser.add_argument(
-        *("-o", "--output"), metavar="DIR", required=True, help="folder or URL to write to"
+        "inputs", type=user_path, metavar="INPUT", nargs="+", help="a photo, a folder, or a glob"
+    )
+    parser.add_argument(
+        *("-o", "--output"),
+        type=user_path,
+        metavar="DIR",
+        required=True,
+        help="folder or URL to write to",
     )
     parser.add_argument(
         "--scheduler",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from .arguments import user_path
 from .parser import command
 from .reconstruct import reconstruct_into
 from .settings import add_settings
@@ -25,7 +26,9 @@ def add(commands: Any) -> None:
         "Reconstruct the astronaut Eileen Collins (public domain, comes with scikit-image).",
         "  unlit demo\n  unlit demo -o astronaut --preset standard",
     )
-    parser.add_argument(*("-o", "--output"), metavar="DIR", default=_FOLDER, help=f"({_FOLDER})")
+    parser.add_argument(
+        *("-o", "--output"), type=user_path, metavar="DIR", default=_FOLDER, help=f"({_FOLDER})"
+    )
     add_settings(parser, "draft")
 
 

@@ -18,15 +18,15 @@ def add(commands: Any) -> None:
         "doctor",
         run,
         "say what works on this machine and how to mend what does not",
-        "Look at Python, the renderer, its back end, the models, memory and disk.",
+        "Look at Python, the renderer, its back end, the models, memory, disk and extras.",
         "  unlit doctor",
     )
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..machine.doctor import checks
+    from ..machine.doctor import checks, looked
 
-    found = [*checks(), _viewer()]
+    found = [*checks(), *looked("viewer", lambda: [_viewer()])]
     width = max(len(check.name) for check in found)
     for check in found:
         print(f"{'ok ' if check.ok else 'BAD'}  {check.name:<{width}}  {check.detail}")

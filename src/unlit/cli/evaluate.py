@@ -8,6 +8,7 @@ from typing import Any
 
 from ..errors import SettingsError
 from . import models
+from .arguments import user_path
 from .parser import command, refuse_unused, whole_number
 from .settings import add_settings, settings_of
 
@@ -26,8 +27,12 @@ def add(commands: Any) -> None:
         "  unlit evaluate scan -o results --lights flash,uniform,side --ablation\n"
         "  unlit evaluate --same-person noon.jpg window.jpg lamp.jpg -o alike",
     )
-    parser.add_argument("inputs", metavar="SUBJECT", nargs="+", help="or photos of one person")
-    parser.add_argument("-o", "--output", metavar="DIR", required=True, help="folder to write")
+    parser.add_argument(
+        "inputs", type=user_path, metavar="SUBJECT", nargs="+", help="or photos of one person"
+    )
+    parser.add_argument(
+        *("-o", "--output"), type=user_path, metavar="DIR", required=True, help="folder to write"
+    )
     kinds = parser.add_mutually_exclusive_group()
     kinds.add_argument("--check", action="store_true", help="only render it under three lights")
     kinds.add_argument("--ablation", action="store_true", help="also switch each stage off")

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from .arguments import user_path
 from .parser import command
 
 #: Kept here, too, so that the help does not wait for the renderer.
@@ -30,8 +31,12 @@ def add(commands: Any) -> None:
         "  unlit export portrait -o unreal --format glb,obj --size 2048 --directx\n"
         "  unlit export portrait -o maps --only-maps diffuse_albedo,roughness --size 4096",
     )
-    parser.add_argument("folder", metavar="DIR", help="a folder that `unlit reconstruct` wrote")
-    parser.add_argument("-o", "--output", metavar="OUT", help="folder to write (DIR/export)")
+    parser.add_argument(
+        "folder", type=user_path, metavar="DIR", help="a folder that `unlit reconstruct` wrote"
+    )
+    parser.add_argument(
+        *("-o", "--output"), type=user_path, metavar="OUT", help="folder to write (DIR/export)"
+    )
     kinds = parser.add_mutually_exclusive_group()
     kinds.add_argument(
         "--format",

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SettingsError
+from .arguments import user_path
 from .parser import command
 
 #: The models of other commands may be missing.
@@ -37,7 +38,9 @@ def add(commands: Any) -> None:
         "or if `reconstruct` lacks one); licences; add a head model",
     )
     parser.add_argument("name", nargs="?", metavar="ict", help="with add: the head model's name")
-    parser.add_argument("folder", nargs="?", metavar="FOLDER", help="with add: its files")
+    parser.add_argument(
+        "folder", type=user_path, nargs="?", metavar="FOLDER", help="with add: its files"
+    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import OutputError, SettingsError
 from . import models
+from .arguments import user_path
 from .parser import command, refuse_unused
-from .settings import add_settings, settings_of
+from .settings import add_settings, assigned, settings_of
 
 if TYPE_CHECKING:
     from ..output.atlas import Atlas
@@ -33,14 +34,14 @@ def add(commands: Any) -> None:
         "reconstruct",
         run,
         "a photo to a folder of maps, mesh and light",
-        "Reconstruct the face in PHOTO (JPEG, PNG, TIFF, WebP, HEIC) into the folder DIR. While "
-        "it runs, DIR/unlit-preview.png shows the state after each stage; all results come at the "
-        "end, at once. An older result in DIR is replaced. The state is kept in DIR after every "
-        "stage: the same command with --resume goes on after Ctrl-C, a crash or kill -9, "
+        "Reconstruct the face in PHOTO (JPEG, PNG, TIFF, WebP, HEIC, AVIF) into the folder DIR. "
+        "While it runs, DIR/unlit-preview.png shows the state after each stage; all results come "
+        "at the end, at once. An older result in DIR is replaced. The state is kept in DIR after "
+        "every stage: the same command with --resume goes on after Ctrl-C, a crash or kill -9, "
         "and gives the same bits. To go on from a saved result instead, edit its albedo maps or "
         "its mask, and name the folder and the first stage to run again.",
         "  unlit reconstruct portrait.jpg -o portrait\n"
-        "  unlit reconstruct portrait.jpg -o portrait --resume\n"
+        "  unlit reconstruct --resume portrait\n"
         "  unlit reconstruct group.jpg -o second --face 1 --preset draft\n"
         "  unlit reconstruct portrait.jpg -o bare --mask skin.png\n"
         "  unlit reconstruct candles.jpg -o card --light-color 1210,640 --exposure 880,700=0.35\n"
@@ -48,19 +49,24 @@ def add(commands: Any) -> None:
         "      --set stage2.iterations=500\n"
         "  unlit reconstruct --resume portrait --from-stage 4 -o edited",
     )
-    parser.add_argument("photo", metavar="PHOTO", nargs="?", help="the picture file")
-    parser.add_argument("-o", "--output", metavar="DIR", help="folder to write")
+    parser.add_argument(
+        "photo", type=user_path, metavar="PHOTO", nargs="?", help="the picture file"
+    )
+    parser.add_argument("-o", "--output", type=user_path, metavar="DIR", help="folder to write")
     parser.add_argument(
         "--mask",
+        type=user_path,
         metavar="FILE",
         help="picture of the photo's size: white is face skin to use, black is to be left out",
     )
     parser.add_argument(
         "--resume",
         nargs="?",
+        type=user_path,
         const=True,
         metavar="DIR",
-        help="go on with the unfinished run in DIR (or in that of -o), from its last whole stage",
+        help="go on with the unfinished run in DIR (or in that of -o), from its last whole stage; "
+        "PHOTO may be left out",
     )
     parser.add_argument(
         "--from-stage",
@@ -83,18 +89,50 @@ def run(options: argparse.Namespace) -> int:
     named = options.resume if isinstance(options.resume, str) else None
     if options.photo is None and options.output is not None:
         options.photo, named = named, None  # it was written --resume PHOTO -o DIR
-    if options.photo is None:
-        raise SettingsError(
-            "no PHOTO given; an unfinished run needs the photo again, as `unlit reconstruct PHOTO "
-            "--resume DIR`; to go on from a saved result, give --from-stage N too"
-        )
     options.output = options.output or named
+    if options.photo is None and options.resume is not None and options.output is not None:
+        options.photo = _photo_of_run(Path(options.output))
+    if options.photo is None:
+        raise SettingsError("no PHOTO given")
     if options.output is None:
         raise SettingsError("no folder to write given; add -o DIR")
     if named is not None and Path(named) != Path(options.output):
         raise SettingsError(f"--resume {named} and -o {options.output} differ; leave one out")
     resume = options.resume is not None
     return reconstruct_into(lambda: read_photo(options.photo), options, options.mask, resume)
+
+
+def _photo_of_run(folder: Path) -> str:
+    """The photo of the unfinished run in `folder`. Raises SettingsError where it is not kept."""
+    from ..storage.folder import CHECKPOINT
+
+    state = folder / CHECKPOINT
+    photo = ""
+    if state.exists():
+        from ..optimize.checkpoint import photo_of_run
+
+        photo = photo_of_run(state)
+    if not photo:
+        raise SettingsError(
+            f"{folder}: no unfinished run there that tells its photo; name it, as `unlit "
+            "reconstruct PHOTO --resume DIR`; to go on from a saved result, give --from-stage N too"
+        )
+    return photo
+
+
+def _say_finished(folder: Path) -> None:
+    """Print the montage's path, the only result, and beside it what can be done next."""
+    import shlex
+
+    from ..report.bundle import missing_because, program
+    from ..storage.folder import REPORT
+
+    print(folder / "montage.png")
+    name = shlex.quote(str(folder))
+    print(f"open {folder / REPORT} in a browser, or run `unlit view {name}`", file=sys.stderr)
+    if program() is None:
+        why = f"{missing_because()}; `unlit doctor` says what to do"
+        print(f"the report is without its viewer in three dimensions: {why}", file=sys.stderr)
 
 
 def reconstruct_into(
@@ -121,11 +159,11 @@ def reconstruct_into(
         from ..pipeline.chain import reconstruct
 
         head = head_model(settings.head_model)
-        checkpoint = Checkpoint(folder / CHECKPOINT, resume)
+        checkpoint = Checkpoint(folder / CHECKPOINT, resume, _absolute(options))
         if resume and not checkpoint.stage and (folder / MARK).exists():
             _check_finished(folder, photo, settings)
             print(f"{folder}: finished before, nothing to resume", file=sys.stderr)
-            print(folder / "montage.png")
+            _say_finished(folder)
             return 0
         height, width = photo.pixels.shape[:2]
         facts = {"photo": f"{photo.source}, {width} x {height}, {photo.colours}"}
@@ -150,8 +188,14 @@ def reconstruct_into(
                 checkpoint=checkpoint,
             )
             _save(console.log, result, folder, states)
-    print(folder / "montage.png")
+    _say_finished(folder)
     return 0
+
+
+def _absolute(options: argparse.Namespace) -> str:
+    """The photo's file, whatever the working directory of who resumes; "" for the demo's."""
+    photo = getattr(options, "photo", None)
+    return str(Path(photo).absolute()) if photo else ""
 
 
 def _check_finished(folder: Path, photo: Any, settings: Any) -> None:
@@ -181,7 +225,7 @@ def _continue(options: argparse.Namespace) -> int:
     source, stage = Path(named), options.from_stage
     face = load(source)
     changes = {} if options.exposure is None else {"exposure": options.exposure}
-    settings = override(face.settings, changes | dict(options.set))
+    settings = override(face.settings, changes | assigned(options))
     folder = Path(options.output or named)
     with reserve(folder, RESULT_FILES, needed_bytes(settings.resolution)) as preview:
         from ..pipeline.resume import check_resumable, resume
@@ -197,7 +241,7 @@ def _continue(options: argparse.Namespace) -> int:
             states = _States(preview)
             result = resume(face, stage, settings, console, states)
             _save(console.log, result, folder, states)
-    print(folder / "montage.png")
+    _say_finished(folder)
     return 0
 
 

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from .arguments import user_path
 from .parser import command
 
 
@@ -26,7 +27,9 @@ def add(commands: Any) -> None:
         "  unlit relight portrait --light sun:0,20 --fast -o sweep.mp4\n"
         "  unlit relight portrait --light photo --turntable --fast -o turn.gif",
     )
-    parser.add_argument("folder", metavar="DIR", help="a folder that `unlit reconstruct` wrote")
+    parser.add_argument(
+        "folder", type=user_path, metavar="DIR", help="a folder that `unlit reconstruct` wrote"
+    )
     _add_light(parser)
     _add_picture(parser)
 
@@ -35,6 +38,7 @@ def _add_light(parser: argparse.ArgumentParser) -> None:
     """Options of the light and of what moves."""
     parser.add_argument(
         "--light",
+        type=user_path,
         metavar="LIGHT",
         required=True,
         help="flash (from the camera), uniform, side (60 degrees from the right), "
@@ -70,11 +74,15 @@ def _add_light(parser: argparse.ArgumentParser) -> None:
 def _add_picture(parser: argparse.ArgumentParser) -> None:
     """Options of the file that is written."""
     parser.add_argument(
-        "-o", "--output", metavar="FILE", required=True, help=".png, .exr, .mp4 or .gif"
+        *("-o", "--output"),
+        type=user_path,
+        metavar="FILE",
+        required=True,
+        help=".png, .exr, .mp4 or .gif",
     )
     parser.add_argument(
         "--over-photo",
-        type=Path,
+        type=lambda text: Path(user_path(text)),
         metavar="PHOTO",
         help="put the relit face into the photo that the result was made from, at full size",
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 from ..errors import SettingsError
 from ..machine import cost
@@ -13,7 +13,10 @@ from ..settings.conditions import CastShadowMode
 from ..settings.ranges import is_table
 from ..settings.settings import PRESETS, Settings, override
 from ..settings.sun import SunMode
+from .arguments import user_path
 
+#: Fields of a saved result's reconstruction.toml (output/result_file.py).
+_BESIDE = {"format", "unlit", "photo", "camera", "crop", "light", "settings", "files"}
 #: Options whose text is the value of a setting.
 _SETTINGS = {
     "resolution": "resolution",
@@ -47,6 +50,7 @@ def add_settings(parser: argparse.ArgumentParser, preset: str, every_face: bool 
     )
     parser.add_argument(
         "--model",
+        type=user_path,
         metavar="NAME",
         help="head model to fit: makehuman (default), ict once added by `unlit models add`, or an "
         ".npz file of docs/head-model-format.md",
@@ -62,6 +66,7 @@ def add_settings(parser: argparse.ArgumentParser, preset: str, every_face: bool 
     )
     parser.add_argument(
         "--config",
+        type=user_path,
         metavar="FILE.toml",
         help="settings from a TOML file, or those of an older result's reconstruction.toml",
     )
@@ -115,28 +120,51 @@ def settings_of(options: argparse.Namespace) -> Settings:
     """Preset, then --config, then the options with names of settings, then --set."""
     settings = PRESETS[options.preset]
     if options.config is not None:
-        settings = override(settings, _config(Path(options.config)))
+        settings = _configured(settings, Path(options.config))
     named = {name: getattr(options, option) for option, name in _SETTINGS.items()}
     settings = override(settings, {name: said for name, said in named.items() if said is not None})
-    settings = override(settings, dict(options.set))
+    settings = override(settings, assigned(options))
     if settings.head_model.endswith(".npz"):
         # A worker or a later run may have another working directory.
-        file = Path(settings.head_model).expanduser().resolve()
+        file = Path(user_path(settings.head_model)).resolve()
         settings = replace(settings, head_model=str(file))
     if options.memory is not None:
         cost.check_memory(options.memory, settings.resolution)
     return settings
 
 
-def _config(path: Path) -> dict[str, Any]:
-    """Settings of a TOML file: at its top level, or in the table `settings` of a saved result."""
-    from ..storage.tables import read_toml
+def assigned(options: argparse.Namespace) -> dict[str, str]:
+    """What --set says, by name. Raises SettingsError for a name that is said twice."""
+    found: dict[str, str] = {}
+    for name, value in options.set:
+        if name in found:
+            raise SettingsError(f"--set {name}: given twice; give it once")
+        found[name] = value
+    return found
+
+
+def _configured(settings: Settings, path: Path) -> Settings:
+    """`settings` with those of a TOML file, at its top level or as a saved result has them.
+
+    Raises SettingsError that names the line.
+    """
+    from ..storage.tables import place_of, read_toml
 
     values = read_toml(path, SettingsError)
     inner = values.get("settings", values)
     if not is_table(inner):
         raise SettingsError(f"{path}: settings must be a table")
-    return inner
+    prefix = "" if inner is values else "settings."
+    for name in values.keys() - _BESIDE if prefix else ():
+        raise SettingsError(
+            f"{place_of(path, name)}: {name}: settings stand below [settings], and this is none of "
+            "the other fields of a result; move or remove it"
+        )
+    try:
+        return override(settings, inner)
+    except SettingsError as error:
+        place = place_of(path, prefix + error.argument)
+        raise SettingsError(f"{place}: {error}") from error
 
 
 def _assignment(text: str) -> tuple[str, str]:

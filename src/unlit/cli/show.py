@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from .arguments import user_path
 from .parser import command, whole_number
 
 
@@ -41,7 +42,12 @@ def add(commands: Any) -> None:
         "  unlit view portrait\n  unlit view portrait --no-browser --port 8000",
     )
     for parser in (montage, report, view):
-        parser.add_argument("folder", metavar="DIR", help="a folder that `unlit reconstruct` wrote")
+        parser.add_argument(
+            "folder",
+            type=user_path,
+            metavar="DIR",
+            help="a folder that `unlit reconstruct` wrote",
+        )
     view.add_argument("--no-browser", action="store_true", help="only print the address")
     port = whole_number(0, 65535)
     view.add_argument(

@@ -15,7 +15,7 @@ from msgspec import Meta, Struct, field
 from ..errors import SubjectError
 from ..scene.camera import Camera
 from ..storage.pictures import read_picture
-from ..storage.tables import array, read_toml, typed
+from ..storage.tables import array, place_of, read_toml, typed
 
 UNITS = {"mm": 0.1, "cm": 1.0, "m": 100.0}
 _Number = Annotated[float, Meta(ge=-1e6, le=1e6)]
@@ -167,7 +167,8 @@ def read_subject_file(file: Path) -> SubjectFile:
         return typed(read_toml(file, SubjectError), SubjectFile, decode)
     except ValueError as error:
         fields = "docs/evaluation.md lists the fields"
-        raise SubjectError(f"{file}: {error}; {fields}") from error
+        place = place_of(file, str(error).partition(": ")[0])
+        raise SubjectError(f"{place}: {error}; {fields}") from error
 
 
 def description(file: Path) -> Path:

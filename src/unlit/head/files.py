@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import platformdirs
-
 from ..machine.assets import FOLDER_VARIABLE
+from ..machine.user_folders import expanded, user_data
 
 #: The head model that every installation has.
 DEFAULT = "makehuman"
@@ -16,16 +15,16 @@ SUFFIX = ".npz"
 
 def models_folder() -> Path:
     """Where added models are kept: data of the user's that no cleaning of caches removes."""
-    return platformdirs.user_data_path("unlit", appauthor=False) / "heads"
+    return user_data() / "heads"
 
 
 def added() -> dict[str, Path]:
     """Models by name, in the folder that UNLIT_MODELS names and in the user's own."""
     named = os.environ.get(FOLDER_VARIABLE)
-    places = [models_folder(), *([Path(named).expanduser()] if named else [])]
+    places = [models_folder(), *([expanded(named)] if named else [])]
     return {path.stem: path for place in places for path in sorted(place.glob(f"*{SUFFIX}"))}
 
 
 def model_file(name: str) -> Path | None:
     """Where the model `name` is kept; None for the default, and for a name that none has."""
-    return Path(name).expanduser() if name.endswith(SUFFIX) else added().get(name)
+    return expanded(name) if name.endswith(SUFFIX) else added().get(name)

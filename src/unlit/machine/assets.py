@@ -20,12 +20,11 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-import platformdirs
-
 from ..errors import ModelError
 from ..progress.callbacks import silent
 from .manifest import ASSETS, Asset
 from .sources import FetchProgress, SourceError, fetched
+from .user_folders import expanded, user_cache
 
 FOLDER_VARIABLE = "UNLIT_MODELS"
 
@@ -47,8 +46,8 @@ class AssetStatus:
 
 
 def cache_folder() -> Path:
-    """The user's cache folder of model files; it need not exist yet."""
-    return platformdirs.user_cache_path("unlit", appauthor=False) / "models"
+    """The user's cache folder of model files; it need not exist yet. Raises MachineError."""
+    return user_cache() / "models"
 
 
 def asset(name: str, progress: FetchProgress = silent) -> Path:
@@ -78,14 +77,15 @@ def _user_folder() -> Path | None:
     named = os.environ.get(FOLDER_VARIABLE)
     if not named:
         return None
-    folder = Path(named).expanduser()
+    folder = expanded(named)
     if not folder.is_dir():
         raise ModelError(f"{FOLDER_VARIABLE}={named} is not a folder: create it or unset it")
     return folder
 
 
 def _look_up(entry: Asset) -> AssetStatus:
-    for folder in (_user_folder(), cache_folder()):
+    for place in (_user_folder, cache_folder):  # of which the second may not be known
+        folder = place()
         if folder is not None and (path := folder / entry.file).exists():
             return AssetStatus(entry, path, _problem(entry, path))
     return AssetStatus(entry, None, f"{entry.file} is not on this machine yet")

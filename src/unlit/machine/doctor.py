@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import platform
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import ModelError
+from ..errors import UnlitError
 from . import assets
 from .cost import cores
 from .runtime import llvm_library
@@ -20,6 +22,16 @@ from .runtime import llvm_library
 NEEDED_MEMORY = 3 << 30
 # Room for the models in the cache and the wheel they come in.
 NEEDED_DISK = 200 << 20
+#: The extras of pyproject.toml for users: their modules, and what they are for.
+EXTRAS = {
+    "evaluate": (("flip_evaluator",), "FLIP in `unlit evaluate`"),
+    "usd": (("pxr",), "`unlit export --format usd`"),
+    "video": (("av",), "MP4 of `unlit relight`"),
+    "batch": (("distributed", "fsspec", "cryptography", "psutil"), "`unlit batch`"),
+    "parquet": (("pyarrow",), "a batch's table as Parquet"),
+    "raw": (("rawpy",), "raw files of cameras"),
+    "jxl": (("pillow_jxl",), "JPEG XL of 8 bits"),
+}
 _PYTHON = ((3, 11), (3, 14))
 _PROBE_SECONDS = 120
 _LLVM_REMEDY = (
@@ -29,6 +41,7 @@ _LLVM_REMEDY = (
 
 # Run by another process: a libLLVM that Dr.Jit cannot use may abort instead of raising.
 _PROBE = """
+import importlib.util
 import json
 from unlit.machine.runtime import mitsuba
 mi = mitsuba()
@@ -63,14 +76,27 @@ def checks() -> list[Check]:
     Takes a few seconds: the renderer is tried in a process of its own. Fetches nothing.
     """
     return [
-        _python(),
+        *looked("python", lambda: [_python()]),
         Check("system", True, f"{platform.system()} {platform.machine()}"),
-        *_renderer(),
-        *_models(),
-        _memory(),
-        _disk(),
-        Check("cores", True, f"{cores()} usable"),
+        *looked("renderer", _renderer),
+        *looked("models", _models),
+        *looked("memory", lambda: [_memory()]),
+        *looked("disk", lambda: [_disk()]),
+        *looked("cores", lambda: [Check("cores", True, f"{cores()} usable")]),
+        *looked("extras", _extras),
     ]
+
+
+def looked(name: str, look: Callable[[], list[Check]]) -> list[Check]:
+    """What `look` finds; where it fails, that is what was found: the other checks go on."""
+    try:
+        return look()
+    except UnlitError as error:  # unlit's own: what is wrong, a colon, what to do
+        message, _, remedy = str(error).partition(": ")
+        return [Check(name, False, message, remedy)]
+    except Exception as error:
+        said = " ".join(f"cannot be looked at: {type(error).__name__}: {error}".split())
+        return [Check(name, False, said[:300], "mend what that names; if nothing is, report it")]
 
 
 def _python() -> Check:
@@ -128,13 +154,8 @@ def _trouble(probe: subprocess.CompletedProcess[str], llvm: str) -> tuple[str, s
 
 
 def _models() -> list[Check]:
-    try:
-        statuses = assets.statuses()
-    except ModelError as error:
-        message, _, remedy = str(error).partition(": ")
-        return [Check("models", False, message, remedy)]
     found: list[Check] = []
-    for status in statuses:
+    for status in assets.statuses():
         if status.asset.command != "reconstruct":
             continue
         ok = status.problem is None
@@ -144,6 +165,17 @@ def _models() -> list[Check]:
             f"run; or put it into {assets.cache_folder()}"
         )
         found.append(Check(f"model {status.asset.name}", ok, detail, "" if ok else remedy))
+    return found
+
+
+def _extras() -> list[Check]:
+    """What `pip install 'unlit[...]'` adds; all else works without."""
+    found: list[Check] = []
+    for name, (modules, purpose) in EXTRAS.items():
+        missing = [module for module in modules if importlib.util.find_spec(module) is None]
+        detail = f"not installed ({', '.join(missing)}): {purpose}" if missing else purpose
+        remedy = f"for it, `pip install 'unlit[{name}]'`" if missing else ""
+        found.append(Check(f"extra {name}", True, detail, remedy))
     return found
 
 

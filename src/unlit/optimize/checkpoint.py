@@ -61,7 +61,7 @@ _KINDS = {
 @dataclass(frozen=True)
 class _About:
     """The plain values of the file. stage: how many are done. observation: key of what was seen.
-    losses, seconds: as in RunRecord.
+    losses, seconds: as in RunRecord. file: the photo's, "" if it has none.
     """
 
     stage: Annotated[int, msgspec.Meta(ge=0, le=len(TABLE_1))]
@@ -69,18 +69,21 @@ class _About:
     observation: str
     losses: dict[str, list[tuple[int, float]]]
     seconds: dict[str, float]
+    file: str = ""
 
 
 class Checkpoint:
     """The file in which a run keeps its state, and from which it is resumed.
 
     path: its place, in the folder of the result to come. resume: go on from what is there, if
-    anything is; otherwise it is discarded. stage: how many stages are done.
+    anything is; otherwise it is discarded. file: the photo's, kept for who resumes without naming
+    it. stage: how many stages are done.
     Raises OutputError when the file is to be read and cannot be.
     """
 
-    def __init__(self, path: Path, resume: bool = False) -> None:
+    def __init__(self, path: Path, resume: bool = False, file: str = "") -> None:
         self.path = path
+        self._file = file
         self._identity: Identity | None = None
         self._observation = ""
         self._about = _read_about(path) if resume and path.exists() else None
@@ -129,7 +132,7 @@ class Checkpoint:
         """Put the end of `stage` in the place of what the file held. Raises OutputError."""
         assert self._identity is not None
         done = 1 + list(TABLE_1).index(stage)
-        about = _About(done, self._identity, self._observation, run.losses, run.seconds)
+        about = _About(done, self._identity, self._observation, run.losses, run.seconds, self._file)
         arrays = {
             **estimate.arrays(),
             "cell_theta": shading.cells.theta,
@@ -154,6 +157,14 @@ class Checkpoint:
         """Remove the file."""
         with contextlib.suppress(OSError):
             self.path.unlink(missing_ok=True)
+
+
+def photo_of_run(path: Path) -> str:
+    """The photo's file that the unfinished run with the checkpoint `path` is of; "" if not kept.
+
+    Raises OutputError.
+    """
+    return _read_about(path).file
 
 
 def _observation_key(seen: Observation) -> str:

@@ -19,6 +19,7 @@ from ..scene.maps import Maps
 from ..scene.surface_points import SurfacePoints
 from ..settings.settings import PRESETS, override
 from ..storage.folder import MARK
+from ..storage.tables import place_of
 from .arrays import read_arrays
 from .metrics import read_metrics
 from .result_file import read_result_file
@@ -41,7 +42,8 @@ def load(folder: str | Path) -> Reconstruction:
     try:
         settings = override(PRESETS["paper"], file.settings)
     except SettingsError as error:
-        raise OutputError(f"{path}: settings: {error}") from error
+        place = place_of(path, f"settings.{error.argument}")
+        raise OutputError(f"{place}: settings: {error}") from error
     kept = read_metrics(path.with_name("metrics.json"))
     color = np.array(file.light.color, dtype=np.float32)
     mesh = PosedMesh(*(arrays[n] for n in ("vertices", "triangles", "uv", "triangle_uv")))

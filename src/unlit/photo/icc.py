@@ -95,6 +95,21 @@ def _matrix_profile(data: bytes, levels: int) -> Profile:
     return Profile(curves.astype(np.float32), matrix.astype(np.float32))
 
 
+def hdr_code_points(data: bytes) -> tuple[int, int] | None:
+    """Primaries and transfer (ITU-T H.273) of a profile of PQ or HLG; None for any other.
+
+    Such a profile has them in its cicp tag (ICC.1:2022, 9.2.17); its tables are the maker's idea of
+    how the highlights are to be squeezed into a display's range.
+    """
+    try:
+        tag = _tags(data).get(b"cicp", b"")
+    except struct.error:
+        return None
+    if tag[:4] != b"cicp" or len(tag) < 12 or tag[9] not in (16, 18):
+        return None
+    return tag[8], tag[9]
+
+
 def _tags(data: bytes) -> dict[bytes, bytes]:
     (count,) = struct.unpack_from(">I", data, 128)
     tags: dict[bytes, bytes] = {}

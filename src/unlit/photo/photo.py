@@ -1,8 +1,8 @@
 """From a file to linear light.
 
-`read_photo` decodes JPEG, PNG, TIFF, WebP and HEIC, 8 or 16 bits a channel, turns the picture
-upright, and converts its colours to linear sRGB by its ICC profile (without one it is taken for
-sRGB).
+`read_photo` decodes JPEG, PNG, TIFF, WebP, HEIC and AVIF, 8 to 16 bits a channel (decode.py), turns
+the picture upright, and converts its colours to linear sRGB by its ICC profile, or by what the file
+says instead (colour_space.py). Only a file that says nothing is taken for sRGB.
 
 Image frame (see scene/camera.py): x right, y down; pixel (row i, column j) covers
 [j, j + 1] x [i, i + 1], its centre is (j + 0.5, i + 0.5).
@@ -22,21 +22,18 @@ from typing import Any
 
 import cv2
 import numpy as np
-import pillow_heif
 from PIL import ExifTags, Image, ImageCms, UnidentifiedImageError
-from PIL.TiffImagePlugin import TiffImageFile
 
 from ..color import decode_srgb, encode_srgb
 from ..errors import PhotoError
 from ..storage.arrays import reason
-from .icc import Profile, ProfileError, matrix_profile, srgb_profile
+from .colour_space import coded_space
+from .decode import decode
+from .decoded import MAX_PIXELS, Decoded
+from .icc import Profile, ProfileError, hdr_code_points, matrix_profile, srgb_profile
 
-MAX_PIXELS = 100_000_000
 MAX_BYTES = 1 << 30
-MIN_SIDE = 64
 
-_FORMATS = ("JPEG", "PNG", "TIFF", "WEBP")
-_HEIF_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"}
 # What decoders raise on damaged files.
 _DAMAGED = (
     *(OSError, SyntaxError, ValueError, EOFError, KeyError, IndexError, TypeError),
@@ -60,14 +57,16 @@ _ROWS = 256
 class Photo:
     """A photo, upright, in linear light.
 
-    pixels: (H, W, 3) float32 linear sRGB; 1 is the white of the file. Colours outside the gamut
-        of sRGB have components below 0 or above 1.
+    pixels: (H, W, 3) float32 linear sRGB; 1 is the white of the file (in PQ and HLG the reference
+        white, above which are highlights). Colours outside the gamut of sRGB have components below
+        0 or above 1.
     alpha: (H, W) float32 in [0, 1], not multiplied into the pixels; None for an opaque photo.
     focal: focal length in pixels of this image from the EXIF entries, or None.
     white_luminance: cd/m^2 that the value 1 stands for by exposure time, f-number and ISO speed in
         EXIF (CALIBRATION), or None.
     source: the file's name, for messages.
-    colours: how the colours were found, for the log: by the ICC profile, or as sRGB.
+    colours: how the colours were found, for the log: by the ICC profile, by what the file says
+        instead, or as sRGB.
 
     >>> unlit.Photo.of(np.full((64, 64, 3), 255, np.uint8)).pixels.max()
     np.float32(1.0)
@@ -106,28 +105,12 @@ class Photo:
         return out
 
 
-@dataclass(frozen=True)
-class _Decoded:
-    """A file's values as stored: pixels (H, W, C) uint8 or uint16, C = 1 grey, 3, or 4 CMYK.
-
-    alpha: (H, W) of the same type, or None.  white: the value that stands for 1.
-    orientation: EXIF value 1 to 8 still to be applied.
-    """
-
-    pixels: np.ndarray
-    alpha: np.ndarray | None
-    white: int
-    icc: bytes | None
-    exif: Image.Exif
-    orientation: int
-
-
 def read_photo(path: Path | str) -> Photo:
     """Read the photo at `path`.
 
     Raises PhotoError, with a message of one line, if it is missing, unreadable, no picture,
-    damaged, or has fewer than `MIN_SIDE` pixels a side or more than `MAX_PIXELS` in all; the
-    size is checked before the pixels are decoded.
+    damaged, has colours that are not understood, or has fewer than 64 pixels a side or
+    more than `MAX_PIXELS` in all; the size is checked before the pixels are decoded.
 
     >>> photo = unlit.read_photo(file)
     >>> photo.pixels.shape, photo.pixels.dtype
@@ -139,15 +122,20 @@ def read_photo(path: Path | str) -> Photo:
         # Remarks of the decoders on odd but readable files are no concern of the user.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            decoded = _decode_heif(data, path) if _is_heif(data) else _decode(data, path)
-            return _upright_photo(decoded, path.name)
+            return _upright_photo(decode(data, path), path.name)
     except Image.DecompressionBombError as error:
         raise PhotoError(
             f"{path}: more than {MAX_PIXELS / 1e6:.0f} megapixels; scale it down"
         ) from error
     except UnidentifiedImageError as error:
         raise PhotoError(
-            f"{path}: not a picture that can be read; give a JPEG, PNG, TIFF, WebP or HEIC file"
+            f"{path}: not a picture that can be read; give a JPEG, PNG, TIFF, WebP, HEIC or AVIF "
+            "file"
+        ) from error
+    except ProfileError as error:
+        raise PhotoError(
+            f"{path}: colours that cannot be read right: {error}; save it as sRGB or with an ICC "
+            "profile"
         ) from error
     except MemoryError as error:
         raise PhotoError(f"{path}: too large for this machine's memory; scale it down") from error
@@ -158,7 +146,7 @@ def read_photo(path: Path | str) -> Photo:
         ) from error
 
 
-def _upright_photo(decoded: _Decoded, source: str) -> Photo:
+def _upright_photo(decoded: Decoded, source: str) -> Photo:
     alpha = None
     if decoded.alpha is not None and decoded.alpha.min() < decoded.white:
         alpha = (decoded.alpha / np.float32(decoded.white)).astype(np.float32)
@@ -191,99 +179,13 @@ def _read_bytes(path: Path) -> bytes:
     return data
 
 
-def _check_size(width: int, height: int, path: Path) -> None:
-    if width * height > MAX_PIXELS:
-        raise PhotoError(
-            f"{path}: {width} x {height} pixels, more than {MAX_PIXELS / 1e6:.0f} megapixels; "
-            "scale it down"
-        )
-    if min(width, height) < MIN_SIDE:
-        raise PhotoError(
-            f"{path}: {width} x {height} pixels, too small; at least {MIN_SIDE} a side are needed"
-        )
-
-
-def _is_heif(data: bytes) -> bool:
-    return data[4:8] == b"ftyp" and data[8:12] in _HEIF_BRANDS
-
-
-def _decode_heif(data: bytes, path: Path) -> _Decoded:
-    file: Any = pillow_heif.open_heif(data, convert_hdr_to_8bit=False)  # pyright: ignore[reportUnknownMemberType]
-    info: dict[str, Any] = file.info
-    width, height = file.size
-    _check_size(width, height, path)
-    pixels = np.asarray(file)
-    pixels = pixels[..., None] if pixels.ndim == 2 else pixels
-    white = 255
-    if pixels.dtype == np.uint16:
-        # 10 and 12 bits arrive in the upper bits of 16.
-        spare = 16 - int(info.get("bit_depth", 16))
-        white = 0xFFFF >> spare << spare
-    alpha = pixels[..., -1] if pixels.shape[-1] in (2, 4) else None
-    exif = Image.Exif()
-    if info.get("exif"):
-        exif.load(info["exif"])
-    # The turn is part of the format and has been applied; the EXIF entry only repeats it.
-    colours = pixels[..., : 1 if pixels.shape[-1] < 3 else 3]
-    return _Decoded(colours, alpha, white, info.get("icc_profile"), exif, orientation=1)
-
-
-def _decode(data: bytes, path: Path) -> _Decoded:
-    with Image.open(io.BytesIO(data), formats=_FORMATS) as image:
-        _check_size(*image.size, path)
-        exif = image.getexif()
-        # Both decoders turn a TIFF picture upright themselves, and no other format.
-        turned = image.format == "TIFF"
-        orientation = 1 if turned else exif.get(ExifTags.Base.Orientation, 1)
-        # Pillow keeps 8 of 16 bits, but unlike OpenCV it tells a damaged file from a good one.
-        image.load()
-        icc = image.info.get("icc_profile")
-        deep = _bits(image, data) == 16
-        if image.mode in ("F", "I", "LAB", "HSV") or (deep and image.mode == "CMYK"):
-            raise PhotoError(
-                f"{path}: pixels of a type that is not supported ({image.mode}); "
-                "save it as 8- or 16-bit RGB or grey"
-            )
-        pixels, alpha = _decode_16(data) if deep else _decode_8(image)
-        white = 0xFFFF if deep else 0xFF
-        return _Decoded(pixels, alpha, white, icc, exif, int(orientation))
-
-
-def _bits(image: Image.Image, data: bytes) -> int:
-    """Bits a channel in the file, which Pillow's mode does not tell."""
-    if image.format == "PNG":
-        return data[24]
-    if isinstance(image, TiffImageFile):
-        return max(image.tag_v2.get(ExifTags.Base.BitsPerSample, (8,)))
-    return 8
-
-
-def _decode_8(image: Image.Image) -> tuple[np.ndarray, np.ndarray | None]:
-    if image.mode == "1":
-        image = image.convert("L")
-    elif image.has_transparency_data:
-        image = image.convert("RGBA")
-    elif image.mode not in ("L", "CMYK"):
-        image = image.convert("RGB")
-    pixels = np.asarray(image)
-    if image.mode == "RGBA":
-        return pixels[..., :3], pixels[..., 3]
-    return (pixels[..., None] if pixels.ndim == 2 else pixels), None
-
-
-def _decode_16(data: bytes) -> tuple[np.ndarray, np.ndarray | None]:
-    # IMREAD_UNCHANGED keeps 16 bits and alpha, and leaves the EXIF orientation to us.
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if pixels is None or pixels.dtype != np.uint16:
-        raise ValueError("the 16-bit decoder refuses it")
-    if pixels.ndim == 2:
-        return pixels[..., None], None
-    return pixels[..., 2::-1], (pixels[..., 3] if pixels.shape[2] == 4 else None)
-
-
-def _linear(decoded: _Decoded) -> tuple[np.ndarray, str]:
+def _linear(decoded: Decoded) -> tuple[np.ndarray, str]:
     """Linear sRGB (H, W, 3) float32 of the stored values, not turned, and how it was found."""
     pixels, levels, colours = decoded.pixels, decoded.white + 1, "sRGB (no profile)"
+    codes = hdr_code_points(decoded.icc) if decoded.icc else None
+    space = coded_space(*codes) if codes else decoded.space
+    if space is not None and pixels.shape[2] in (1, 3):
+        return _apply(space.profile(decoded.white), pixels), space.name
     if decoded.icc:
         try:
             profile = matrix_profile(decoded.icc, levels)
@@ -312,7 +214,7 @@ def _apply(profile: Profile, pixels: np.ndarray) -> np.ndarray:
     return out
 
 
-def _through_tables(pixels: np.ndarray, decoded: _Decoded) -> np.ndarray | None:
+def _through_tables(pixels: np.ndarray, decoded: Decoded) -> np.ndarray | None:
     """sRGB (H, W, 3) uint8 by LittleCMS, or None if it cannot use the profile either."""
     if decoded.white > 0xFF:
         pixels = (pixels * np.float32(255 / decoded.white) + 0.5).astype(np.uint8)

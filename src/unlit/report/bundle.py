@@ -9,7 +9,7 @@ _PROGRAM = WEB / "viewer.js"
 #: Written by hatch_build.py instead of the program when it could not be made.
 _REASON = WEB / "viewer.missing.txt"
 REMEDY = (
-    "with npm's registry reachable, run `pip install --force-reinstall --no-deps .` in unlit's "
+    "where npm has a network, run `pip install --force-reinstall --no-deps .` in unlit's "
     "source folder, then `unlit report DIR`"
 )
 

@@ -72,7 +72,7 @@ class LightColorRequest:
         vars(self).update(known)
 
     def _wrong(self, why: str) -> SettingsError:
-        return SettingsError(f"light_color={self.text!r}: {why}")
+        return SettingsError(f"light_color={self.text!r}: {why}", "light_color")
 
 
 def _decoded(code: str) -> tuple[float, ...]:
@@ -111,7 +111,8 @@ class KnownExposure:
         if not (0 < (self.lux or 0) < math.inf or 0 < (self.albedo or 0) <= 1):
             raise SettingsError(
                 f"exposure={self.text!r}: write auto, skin=ALBEDO or X,Y=ALBEDO (a pixel of the "
-                "photo and its albedo, above 0, at most 1), or the illuminance as 500lux"
+                "photo and its albedo, above 0, at most 1), or the illuminance as 500lux",
+                "exposure",
             )
 
 

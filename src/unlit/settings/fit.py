@@ -71,7 +71,9 @@ class LandmarkFit:
 
     def __post_init__(self) -> None:
         if not self.dim[0] < self.dim[1]:
-            raise SettingsError("landmark_fit.dim: the second must be larger than the first")
+            raise SettingsError(
+                "landmark_fit.dim: the second must be larger than the first", "landmark_fit.dim"
+            )
 
 
 @dataclass(frozen=True)

@@ -166,7 +166,8 @@ class Settings:
         if self.min_sharpness > self.max_sharpness:
             raise SettingsError(
                 f"min_sharpness={self.min_sharpness:g}: max_sharpness is less, "
-                f"{self.max_sharpness:g}"
+                f"{self.max_sharpness:g}",
+                "min_sharpness",
             )
 
     def stages(self) -> tuple[Stage, Stage, Stage, Stage, Stage]:
@@ -238,15 +239,16 @@ def _changed(group: Group, changes: dict[str, Any], prefix: str) -> Group:
         if kind is None:
             near = difflib.get_close_matches(first, kinds, 1)
             hint = f"did you mean {prefix}{near[0]}? " if near else ""
-            raise SettingsError(f"{full}: no such setting; {hint}known here: {', '.join(kinds)}")
+            known = ", ".join(kinds)
+            raise SettingsError(f"{full}: no such setting; {hint}known here: {known}", full)
         if is_dataclass(kind) and kind not in _REQUESTS:
             inner = {rest: value} if dot else value
             if not is_table(inner):
                 example = fields(kind)[0].name
-                raise SettingsError(f"{full}: name one of its fields, e.g. {full}.{example}")
+                raise SettingsError(f"{full}: name one of its fields, e.g. {full}.{example}", full)
             new[first] = _changed(new.get(first, getattr(group, first)), inner, f"{prefix}{first}.")
         elif dot:
-            raise SettingsError(f"{full}: {first} has no fields")
+            raise SettingsError(f"{full}: {first} has no fields", full)
         else:
             new[first] = _value(full, value, kind)
     return replace(group, **new)
@@ -262,7 +264,7 @@ def _value(name: str, value: Any, kind: Any) -> Any:
     except ValidationError:
         pass
     said = "text" if request else expected(kind)
-    raise SettingsError(f"{name}={_shown(value)}: expected {said}")
+    raise SettingsError(f"{name}={_shown(value)}: expected {said}", name)
 
 
 def _shown(value: Any) -> str:

@@ -21,6 +21,8 @@ Content = TypeVar("Content")
 MAX_BYTES = 1 << 20
 #: In one line. The parser's time grows with the square of a dotted key's parts.
 _MAX_DOTS = 200
+_HEADER = re.compile(r"(\[\[?)([^\[\]]+)\]\]?\s*(?:#.*)?$")
+_KEY = re.compile(r"([\w\"'](?:[\w.\"' \t-]{0,200}?))\s*=")
 _FIELD = re.compile(r"Object (missing required|contains unknown) field `(.*)`")
 
 
@@ -48,6 +50,45 @@ def read_toml(path: Path, error: type[UnlitError]) -> dict[str, Any]:
         raise error(f"{path}: no valid TOML (nested too deep)") from cause
     except ValueError as cause:
         raise error(f"{path}: no valid TOML ({cause})") from cause
+
+
+def place_of(path: Path, name: str) -> str:
+    """Where the field `name`, as `typed` names it, stands in a TOML file: "FILE, line 7".
+
+    Where it does not stand in a line of its own, as "crop.matrix[0]" or a field that is missing,
+    the line of what it is part of; without a number where that is not there either.
+    """
+    lines = _lines(path)
+    while name:
+        if line := lines.get(name):
+            return f"{path}, line {line}"
+        name = name[: max(name.rfind("."), name.rfind("["), 0)]
+    return str(path)
+
+
+def _lines(path: Path) -> dict[str, int]:
+    """The lines of a TOML file, from 1, in which tables and fields begin, by name."""
+    found: dict[str, int] = {}
+    arrays: dict[str, int] = {}
+    table = ""
+    for number, line in enumerate(path.read_bytes()[:MAX_BYTES].splitlines(), 1):
+        text = line.decode(errors="replace").strip()
+        if header := _HEADER.match(text):
+            table = _plain(header[2])
+            if header[1] == "[[":
+                arrays[table] = arrays.get(table, -1) + 1
+            first, dot, rest = table.partition(".")
+            if first in arrays:  # the latest of them
+                table = f"{first}[{arrays[first]}]{dot}{rest}"
+            found.setdefault(table, number)
+        elif key := _KEY.match(text):
+            found.setdefault(".".join(filter(None, [table, _plain(key[1])])), number)
+    return found
+
+
+def _plain(key: str) -> str:
+    """A key without its quotes and spaces."""
+    return ".".join(part.strip(" \t\"'") for part in key.split("."))
 
 
 def array(kind: Any, value: Any) -> np.ndarray:

@@ -15,7 +15,7 @@ from PIL import Image
 import unlit
 from unlit import cli
 from unlit.cli import settings
-from unlit.errors import FaceError, ModelError
+from unlit.errors import FaceError, ModelError, SettingsError
 from unlit.face.reconstruction import Metrics
 from unlit.settings import settings as schedule
 
@@ -117,6 +117,57 @@ def test_wrong_usage_is_2(capsys, arguments):
     assert err.splitlines()[-1].startswith("unlit")
 
 
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("relight a --light flash --light uniform -o b.png", "--light: given twice; give it once"),
+        ("relight a --light flash -o b.png --fast --fast", "--fast: given twice"),
+        ("relight a --light flash -o b.png --output c.png", "-o/--output: given twice"),
+        ("batch a -o b --face 1 --face=2", "--face: given twice"),
+        ("reconstruct a -o b --resume --resume", "--resume: given twice"),
+        ("reconstruct a -o b --resolutoin 512", "--resolutoin: did you mean --resolution?"),
+        ("reconstruct a -o b --resolutoin=512", "--resolutoin=512; --resolutoin: did you mean"),
+        ("relight a --lihgt flash -o b", "--lihgt: did you mean --light?"),
+        ("export a --driectx", "did you mean --directx?"),
+        ("reconstrct a", "reconstrct: did you mean reconstruct?"),
+        ("--verison", "did you mean --version?"),
+    ],
+)
+def test_what_argparse_would_pass_over(capsys, line, said):
+    """Of an option given twice the last would count; of a misspelt one nothing would be said."""
+    code, out, err = run(capsys, *line.split())
+    assert (code, out) == (2, "")
+    assert said in err.splitlines()[-1]
+
+
+def test_options_that_may_be_given_twice_or_in_short():
+    """--set repeats; a beginning that is clear is enough; a value may be like an option's."""
+    line = "reconstruct a -o b --set clip=2 --set bounces=1 --resol 300 --face 0"
+    options = cli._parser().parse_args(line.split())
+    assert options.set == [("clip", "2"), ("bounces", "1")]
+    assert (options.resolution, options.face) == (300, 0)
+
+
+@pytest.mark.parametrize(
+    ("line", "name", "wanted"),
+    [
+        ("reconstruct ~/x.jpg -o=~/b --mask ~/m.png", "photo", "x.jpg"),
+        ("reconstruct a -o=~/b", "output", "b"),
+        ("reconstruct a --resume=~/b", "resume", "b"),
+        ("reconstruct a --config=~/c.toml", "config", "c.toml"),
+        ("reconstruct a --model ~/h.npz", "model", "h.npz"),
+        ("relight ~/r --light ~/l.hdr -o b", "light", "l.hdr"),
+        ("montage ~/r", "folder", "r"),
+    ],
+)
+def test_the_home_in_quotes(monkeypatch, tmp_path, line, name, wanted):
+    """The shell expands no ~ in quotes, nor after "="."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    found = getattr(cli._parser().parse_args(line.replace("-o=", "--output=").split()), name)
+    assert Path(found) == tmp_path / wanted
+
+
 def test_settings_in_order_of_precedence(photo, pipeline, tmp_path, capsys, monkeypatch):
     """Preset, then --config, then --resolution, then --set."""
     monkeypatch.setattr("unlit.output.save.save", lambda *_: None)
@@ -148,11 +199,35 @@ def test_config_may_be_an_older_result(photo, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("# x\nrate_hld = 0.5\n", ", line 2: rate_hld: no such setting; did you mean rate_hold?"),
+        ("[settings]\n\nrate_hld = 0.5", ", line 3: rate_hld: no such setting"),
+        ("photo = 'a'\nrate_hld = 0.5\n[settings]", ", line 2: rate_hld: settings stand below"),
+        ("[stage2]\nrate = -1", ", line 2: stage2.rate=-1: expected float, 0 or more, at most"),
+        ("stage2.rate = -1", ", line 1: stage2.rate=-1"),
+        ("stage2 = {rate = -1}", ", line 1: stage2.rate=-1"),
+        ("[landmark_fit]\ndim = [\n 0.4, 0.3]", ", line 2: landmark_fit.dim: the second"),
+        ("light_color = 'warm'", ", line 1: light_color='warm': write"),
+    ],
+)
+def test_mistakes_in_a_settings_file_are_found_by_line(tmp_path, text, said):
+    """File, line, name, and what may stand there; nothing is passed over."""
+    path = tmp_path / "c.toml"
+    path.write_text(text)
+    options = cli._parser().parse_args(["reconstruct", "a", "-o", "b", "--config", str(path)])
+    with pytest.raises(SettingsError) as error:
+        settings.settings_of(options)
+    assert str(error.value).startswith(f"{path}{said}")
+
+
+@pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
         (("--set", "foo=1"), 2, "foo: no such setting"),
         (("--resolution", "7"), 2, "resolution=7"),
         (("--config", "no.toml"), 2, "no.toml: cannot be read"),
+        (("--set", "clip=2", "--set", "clip=3"), 2, "--set clip: given twice"),
     ],
 )
 def test_bad_settings_are_2_and_one_line(photo, pipeline, tmp_path, capsys, arguments, code, said):

@@ -1,7 +1,9 @@
 """`unlit reconstruct`: what --resume, --from-stage and --mask mean together."""
 
+import json
 import sys
 import types
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +14,10 @@ from PIL import Image
 import unlit.pipeline
 from unlit import cli
 from unlit.face.reconstruction import Metrics
+from unlit.optimize import checkpoint
 from unlit.settings.settings import PRESETS, override
 from unlit.storage.folder import CHECKPOINT, MARK, MARK_TEXT
+from unlit.storage.identity import Identity
 
 
 @pytest.fixture
@@ -77,6 +81,39 @@ def test_ways_to_write_resume(photo, calls, tmp_path, capsys, arguments):
     assert "nothing to resume" in capsys.readouterr().err
 
 
+def test_resume_finds_its_photo(photo, calls, tmp_path, monkeypatch):
+    """The checkpoint has kept where it was, whatever the working directory is now."""
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["reconstruct", "a.png", "-o", "out"]) == 0
+    state = calls[0][2]["checkpoint"]
+    Path("out").mkdir(exist_ok=True)
+    identity = Identity("a.png", "", "", "", {}, "", "", "", "")
+    about = checkpoint._About(1, identity, "", {}, {}, state._file)
+    content = np.frombuffer(json.dumps(asdict(about)).encode(), np.uint8)
+    with Path("out", CHECKPOINT).open("wb") as file:
+        np.savez(file, about=content)
+    monkeypatch.chdir("/")
+    for arguments in (["--resume", str(tmp_path / "out")], ["--resume", "-o", f"{tmp_path}/out"]):
+        assert cli.main(["reconstruct", *arguments]) == 0
+        _, (read,), options = calls[-1]
+        assert read.source == "a.png"
+        assert options["checkpoint"].stage == 1
+
+
+def test_what_to_open_next(photo, calls, tmp_path, capsys, monkeypatch):
+    """Beside the montage's path, the only line on standard output."""
+    monkeypatch.setattr("unlit.report.bundle.program", lambda: None)
+    monkeypatch.setattr("unlit.report.bundle.missing_because", lambda: "npm was away")
+    folder = tmp_path / "my face"
+    assert cli.main(["reconstruct", photo, "-o", str(folder)]) == 0
+    out, err = capsys.readouterr()
+    assert out == f"{folder / 'montage.png'}\n"
+    *_, opened, viewer = err.splitlines()
+    assert str(folder / "report.html") in opened
+    assert f"`unlit view '{folder}'`" in opened
+    assert "npm was away" in viewer
+
+
 def test_a_finished_result_is_neither_resumed_nor_replaced(
     photo, calls, tmp_path, capsys, monkeypatch
 ):
@@ -126,7 +163,8 @@ def test_from_stage(calls, tmp_path, capsys):
     [
         (("PHOTO",), "no folder to write given; add -o DIR"),
         (("-o", "x"), "no PHOTO given"),
-        (("--resume", "x"), "an unfinished run needs the photo again"),
+        (("--resume", "x"), "x: no unfinished run there that tells its photo; name it"),
+        (("--resume", "-o", "x"), "x: no unfinished run there"),
         (("PHOTO", "--resume", "x", "-o", "y"), "--resume x and -o y differ"),
         (("--from-stage", "2"), "name the folder of the result"),
         (("PHOTO", "--resume", "x", "--from-stage", "2"), "PHOTO has no use with --from-stage"),

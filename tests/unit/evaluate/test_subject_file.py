@@ -207,6 +207,16 @@ def test_mistakes(tmp_path: Path, text: str, reason: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+def test_mistakes_are_found_by_line(tmp_path: Path) -> None:
+    """In the second mesh, too."""
+    second = plates.MINIMAL[plates.MINIMAL.index("[[mesh]]") :]
+    text = plates.MINIMAL + "\n" + second + "gloss = 1\n"
+    file = plates.folder(tmp_path, text)
+    line = text.splitlines().index("gloss = 1") + 1
+    with pytest.raises(SubjectError, match=rf", line {line}: mesh\[1\]\.gloss: is not a field"):
+        read_subject(file, SIZE)
+
+
 def test_broken_pictures(tmp_path: Path) -> None:
     """No picture, a cut picture, one too large to be read."""
     file = plates.folder(tmp_path)

@@ -1,10 +1,12 @@
 """Damaged photos and colour profiles: a picture of finite numbers, or one line of what is wrong."""
 
 import contextlib
+import importlib
 import io
 import struct
 import zlib
 
+import cv2
 import numpy as np
 import pillow_heif
 import pytest
@@ -13,9 +15,12 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from corrupt import damaged
+from dng_file import dng, mosaic
+from png_file import chrm, chunk, cicp, gama, png
 from profiles import DISPLAY_P3, SRGB_CURVE, curv, grey_tables, matrix, para
 from unlit.errors import PhotoError
 from unlit.photo.icc import ProfileError, matrix_profile
+from unlit.photo.jxl import read_header
 from unlit.photo.photo import read_photo
 
 FUZZ = settings.get_profile("fuzz")
@@ -38,10 +43,29 @@ def encoded(form: str, mode: str = "RGB", **options) -> bytes:
     return out.getvalue()
 
 
-def heif() -> bytes:
+def heif(**options) -> bytes:
     out = io.BytesIO()
-    pillow_heif.from_pillow(Image.new("RGB", (70, 64), (90, 80, 70))).save(out)
+    pillow_heif.from_pillow(Image.new("RGB", (70, 64), (90, 80, 70))).save(out, **options)
     return out.getvalue()
+
+
+def deep_avif() -> bytes:
+    pixels = np.full((64, 70, 3), 500, np.uint16)
+    return cv2.imencode(".avif", pixels, [cv2.IMWRITE_AVIF_DEPTH, 10])[1].tobytes()
+
+
+def jxl() -> list[bytes]:
+    """None without the extra."""
+    try:
+        importlib.import_module("pillow_jxl")
+    except ImportError:
+        return []
+    out = io.BytesIO()
+    Image.new("RGB", (70, 64), (90, 80, 70)).save(out, "JXL", use_container=True)
+    return [out.getvalue()]
+
+
+GREY = np.full((64, 70, 3), 90, np.uint8)
 
 
 PHOTOS = [
@@ -53,8 +77,16 @@ PHOTOS = [
     encoded("PNG", "I;16"),
     encoded("TIFF", compression="tiff_lzw"),
     encoded("TIFF", "I;16"),
+    encoded("TIFF", tiffinfo={318: (0.3127, 0.329), 319: (0.68, 0.32, 0.265, 0.69, 0.15, 0.06)}),
     encoded("WEBP", lossless=True),
     heif(),
+    heif(color_primaries=9, transfer_characteristics=18, matrix_coefficients=9, full_range_flag=1),
+    encoded("AVIF"),
+    deep_avif(),
+    dng(mosaic((0.5, 0.4, 0.3), 64, 64)),
+    *jxl(),
+    png(GREY, 2, cicp(9, 16, 0, 0)),
+    png(GREY, 2, gama(1.0), chrm(0.3457, 0.3585, 0.64, 0.33, 0.21, 0.71, 0.15, 0.06)),
 ]
 
 
@@ -74,11 +106,6 @@ def test_damaged_photos(tmp_path_factory, content):
 
 
 def png_of(width: int, height: int, body: bytes) -> bytes:
-    def chunk(name: bytes, data: bytes) -> bytes:
-        return (
-            struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-        )
-
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
     chunks = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(body)) + chunk(b"IEND", b"")
     return b"\x89PNG\r\n\x1a\n" + chunks
@@ -104,6 +131,38 @@ def test_damaged_profiles(content):
         return
     assert np.isfinite(profile.curves).all()
     assert profile.matrix is None or np.isfinite(profile.matrix).all()
+
+
+@settings(FUZZ)
+@given(st.binary(max_size=90))
+def test_any_header_of_jpeg_xl(content):
+    """A size, or ValueError."""
+    container = b"\0\0\0\x0cJXL \r\n\x87\n"
+    for start in (b"\xff\n", container, container + b"\0\0\0\x50jxlc\xff\n"):
+        with contextlib.suppress(ValueError):
+            header = read_header(start + content)
+            assert header.width > 0 and header.height > 0
+
+
+@settings(FUZZ)
+@given(st.tuples(*[st.integers(0, 255)] * 4) | st.just((9, 16, 0, 0)))
+def test_any_code_points(tmp_path_factory, codes):
+    """With a right checksum, so that they are looked at."""
+    path = tmp_path_factory.getbasetemp() / "codes.png"
+    path.write_bytes(png(GREY, 2, cicp(*codes)))
+    with contextlib.suppress(PhotoError):
+        assert np.isfinite(read_photo(path).pixels).all()
+
+
+@settings(FUZZ)
+@given(st.lists(st.integers(0, 2**32 - 1) | st.integers(0, 100_000), min_size=9, max_size=9))
+def test_any_gamma_and_chromaticities(tmp_path_factory, numbers):
+    """The same for gAMA and cHRM."""
+    gamma, *xy = (number / 100_000 for number in numbers)
+    path = tmp_path_factory.getbasetemp() / "gamma.png"
+    path.write_bytes(png(GREY, 2, gama(gamma), chrm(*xy)))
+    with contextlib.suppress(PhotoError):
+        assert np.isfinite(read_photo(path).pixels).all()
 
 
 @settings(FUZZ)

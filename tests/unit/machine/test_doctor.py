@@ -3,7 +3,9 @@
 import platform
 import subprocess
 import sys
+import tomllib
 from collections import namedtuple
+from pathlib import Path
 
 import pytest
 
@@ -98,9 +100,46 @@ def test_models_found_and_folder_misnamed(monkeypatch, tmp_path):
     assert check.remedy == ""
     monkeypatch.undo()
     monkeypatch.setenv(assets.FOLDER_VARIABLE, str(tmp_path / "nowhere"))
-    (check,) = doctor._models()
+    (check,) = doctor.looked("models", doctor._models)
     assert not check.ok
     assert "nowhere" in check.detail
+
+
+def test_a_check_that_fails_does_not_end_the_others(monkeypatch):
+    """Whatever a check meets is a finding of one line."""
+
+    def trip(*_, **__):
+        raise OSError(13, "no\npermission")
+
+    monkeypatch.setattr(doctor.subprocess, "run", trip)
+    monkeypatch.setattr(doctor.shutil, "disk_usage", trip)
+    monkeypatch.setattr(doctor, "cores", trip)
+    monkeypatch.setattr(doctor.importlib.util, "find_spec", trip)
+    monkeypatch.setattr(doctor, "_free_memory", trip)
+    found = by_name(doctor.checks())
+    assert found["python"].ok
+    for name in ("renderer", "memory", "disk", "cores", "extras"):
+        check = found[name]
+        assert not check.ok
+        assert check.remedy
+        assert "PermissionError" in check.detail
+        assert "\n" not in check.detail
+
+
+def test_extras_are_those_of_the_package(monkeypatch):
+    """Installed ones are told, missing ones with what installs them; they are no failures."""
+    project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())
+    extras = project["project"]["optional-dependencies"]
+    assert doctor.EXTRAS.keys() == extras.keys() - {"test", "dev"}
+    for name, (modules, _) in doctor.EXTRAS.items():
+        assert len(modules) == len(extras[name])
+    monkeypatch.setattr(
+        doctor.importlib.util, "find_spec", lambda name: None if name == "av" else "found"
+    )
+    found = by_name(doctor._extras())
+    assert "pip install 'unlit[video]'" in found["extra video"].remedy
+    assert found["extra batch"].remedy == ""
+    assert all(check.ok for check in found.values())
 
 
 @pytest.mark.parametrize(("free", "ok"), [(None, True), (1 << 30, False), (8 << 30, True)])

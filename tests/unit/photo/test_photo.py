@@ -5,7 +5,6 @@ import io
 import os
 import struct
 import warnings
-import zlib
 
 import cv2
 import numpy as np
@@ -13,6 +12,7 @@ import pillow_heif
 import pytest
 from PIL import Image
 
+from png_file import chunk, iccp, png
 from profiles import DISPLAY_P3, SRGB, SRGB_CURVE, build, grey_tables, matrix, para
 from unlit.color import decode_srgb, encode_srgb
 from unlit.errors import FaceError, PhotoError
@@ -29,25 +29,6 @@ def picture(levels=256, channels=3):
     stack = np.stack(waves[:channels], axis=-1)
     kind = np.uint8 if levels == 256 else np.uint16
     return np.rint(stack * (levels - 1)).astype(kind)
-
-
-def png(pixels, colour_type):
-    """A 16-bit PNG, written by hand: neither decoder may be its own witness."""
-
-    def chunk(name, data):
-        return (
-            struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-        )
-
-    lines = b"".join(b"\0" + line.astype(">u2").tobytes() for line in pixels)
-    size = (pixels.shape[1], pixels.shape[0])
-    header = struct.pack(">IIBBBBB", *size, 16, colour_type, 0, 0, 0)
-    return (
-        b"\x89PNG\r\n\x1a\n"
-        + chunk(b"IHDR", header)
-        + chunk(b"IDAT", zlib.compress(lines))
-        + chunk(b"IEND", b"")
-    )
 
 
 def tiff16(pixels, orientation=1):
@@ -176,13 +157,9 @@ def test_orientation(tmp_path, fmt, orientation):
 def test_orientation_of_16_bit_png(tmp_path):
     """OpenCV must not turn it as well."""
     pixels = picture(65536)
-    data = png(stored_as(pixels, 6), 2)
     exif = oriented_exif(6).tobytes().removeprefix(b"Exif\0\0")
-    chunk = struct.pack(">I", len(exif)) + b"eXIf" + exif
-    chunk += struct.pack(">I", zlib.crc32(b"eXIf" + exif))
-    at = data.index(b"IDAT") - 4
     path = tmp_path / "deep.png"
-    path.write_bytes(data[:at] + chunk + data[at:])
+    path.write_bytes(png(stored_as(pixels, 6), 2, chunk(b"eXIf", exif)))
     back = np.rint(65535 * encode_srgb(read_photo(path).pixels))
     assert back.shape == pixels.shape
     assert np.abs(back - pixels).max() <= 1
@@ -257,12 +234,7 @@ def test_display_p3_at_8_and_16_bits(tmp_path):
     assert photo.colours == "ICC profile"
     assert np.abs(encode_srgb(photo.pixels) - picture() / 255).max() < 2 / 255
     name = tmp_path / "deep.png"
-    deep = png(np.rint(65535 * in_p3).astype(np.uint16), 2)
-    packed = b"p3\0\0" + zlib.compress(profile)
-    chunk = struct.pack(">I", len(packed)) + b"iCCP" + packed
-    chunk += struct.pack(">I", zlib.crc32(b"iCCP" + packed))
-    at = deep.index(b"IDAT") - 4
-    name.write_bytes(deep[:at] + chunk + deep[at:])
+    name.write_bytes(png(np.rint(65535 * in_p3).astype(np.uint16), 2, iccp(profile)))
     assert np.abs(encode_srgb(read_photo(name).pixels) - picture() / 255).max() < 6e-4
 
 
@@ -363,8 +335,8 @@ def test_focal_length_from_a_file(tmp_path):
 def huge_png():
     """30,000 x 30,000 as its header says; the data would follow."""
     small = png(np.zeros((1, 1, 3), np.uint16), 2)
-    header = b"IHDR" + struct.pack(">IIBBBBB", 30000, 30000, 8, 2, 0, 0, 0)
-    return small[:12] + header + struct.pack(">I", zlib.crc32(header)) + small[33:]
+    header = struct.pack(">IIBBBBB", 30000, 30000, 8, 2, 0, 0, 0)
+    return small[:8] + chunk(b"IHDR", header) + small[33:]
 
 
 def encoded(fmt, **options):
