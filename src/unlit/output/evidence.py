@@ -34,6 +34,10 @@ _HAIR_DEPTH, _HAIR = (0.3, 1.0), 0.3
 #: A step of the surface's depth from one pixel to the next, of a pixel's width, that hides what
 #: lies behind: the outline of jaw and nose, where the fit is a little off.
 _STEP = 6.0
+#: Departure of the tone (log) from that of skin deeper than _DEEP, cm, between which a place is
+#: in doubt: then 1 + _DOUBT times the depth is asked of it. At the rim what is dark is mostly the
+#: shadow of jaw or hair, or a beard's end; in the middle of the face it is the skin's own.
+_UNLIKE, _DEEP, _DOUBT = (0.3, 0.7), 1.0, 4.0
 #: An island of face that is nowhere as deep as this, cm, lies between strands of hair.
 _ISLAND = 0.8
 #: The same of the light that falls on the skin, of the face's 90th percentile. Where less falls,
@@ -68,9 +72,27 @@ def pixel_evidence(r: Reconstruction, distance: np.ndarray, centimetre: float) -
     deepest = np.atleast_1d(ndimage.maximum(depth, labels, np.arange(count + 1)))
     deepest[0] = 0
     lit = ramp(light, *_LIGHT) if full > 0 else 1.0
+    depth /= 1 + _DOUBT * _unlike(r, depth, centimetre)
     whole = ramp(depth, *_DEPTH) * ramp(to_hair / centimetre, *_HAIR_DEPTH) * lit
     whole *= (deepest > _ISLAND)[labels]
     return whole.astype(np.float32)
+
+
+def _unlike(r: Reconstruction, depth: np.ndarray, centimetre: float) -> np.ndarray:
+    """(S, S) in [0, 1]: how far the tone is not that of the skin deep within the face.
+
+    depth: (S, S) cm. Brows and lips are as they should be.
+    """
+    deep = (depth > _DEEP).astype(np.float32) * (1 - features(r, centimetre))
+    if not deep.any():
+        return np.zeros_like(depth)
+    tone = np.log(np.maximum(luminance(r.face.maps.diffuse_albedo), 1e-3))
+    typical = np.median(tone[deep > 0.5]) if (deep > 0.5).any() else np.median(tone[deep > 0])
+    inside = (depth > 0).astype(np.float32)
+    blur = 0.25 * centimetre
+    share = ndimage.gaussian_filter(inside, blur)
+    tone = ndimage.gaussian_filter((tone - typical) * inside, blur) / np.maximum(share, 1e-6)
+    return ramp(np.abs(tone), *_UNLIKE) * (1 - features(r, centimetre))
 
 
 def hair_share(r: Reconstruction) -> np.ndarray:
