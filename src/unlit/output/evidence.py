@@ -22,7 +22,9 @@ from scipy import ndimage
 
 from ..color import luminance
 from ..face.reconstruction import Reconstruction
+from ..perception.measures import filled
 from ..perception.parser import CLASSES
+from ..perception.topology import FACE_OVAL
 
 #: Cosine to the camera between which a view begins to count, and counts wholly: 73 and 57 degrees.
 _COSINE = (0.30, 0.55)
@@ -34,9 +36,9 @@ _HAIR_DEPTH, _HAIR = (0.3, 1.0), 0.3
 #: A step of the surface's depth from one pixel to the next, of a pixel's width, that hides what
 #: lies behind: the outline of jaw and nose, where the fit is a little off.
 _STEP = 6.0
-#: Departure of the tone (log) from that of skin deeper than _DEEP, cm, between which a place is
-#: in doubt: then 1 + _DOUBT times the depth is asked of it. At the rim what is dark is mostly the
-#: shadow of jaw or hair, or a beard's end; in the middle of the face it is the skin's own.
+#: Departure of the tone (log) from that of skin deeper than _DEEP, cm, between which a place
+#: beside the face is in doubt: then 1 + _DOUBT times the depth is asked of it. What is dark on
+#: neck and temples is mostly the shadow of jaw or hair.
 _UNLIKE, _DEEP, _DOUBT = (0.3, 0.7), 1.0, 4.0
 #: An island of face that is nowhere as deep as this, cm, lies between strands of hair.
 _ISLAND = 0.8
@@ -79,9 +81,9 @@ def pixel_evidence(r: Reconstruction, distance: np.ndarray, centimetre: float) -
 
 
 def _unlike(r: Reconstruction, depth: np.ndarray, centimetre: float) -> np.ndarray:
-    """(S, S) in [0, 1]: how far the tone is not that of the skin deep within the face.
+    """(S, S) in [0, 1]: how far the tone beside the face is not that of the skin deep within.
 
-    depth: (S, S) cm. Brows and lips are as they should be.
+    depth: (S, S) cm. Within the landmarks' outline a beard or a scar is the person's own.
     """
     deep = (depth > _DEEP).astype(np.float32) * (1 - features(r, centimetre))
     if not deep.any():
@@ -92,7 +94,8 @@ def _unlike(r: Reconstruction, depth: np.ndarray, centimetre: float) -> np.ndarr
     blur = 0.25 * centimetre
     share = ndimage.gaussian_filter(inside, blur)
     tone = ndimage.gaussian_filter((tone - typical) * inside, blur) / np.maximum(share, 1e-6)
-    return ramp(np.abs(tone), *_UNLIKE) * (1 - features(r, centimetre))
+    beside = ~filled(r.photo.landmarks[:, :2], len(depth), FACE_OVAL)
+    return ramp(np.abs(tone), *_UNLIKE) * beside
 
 
 def hair_share(r: Reconstruction) -> np.ndarray:
