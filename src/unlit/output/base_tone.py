@@ -54,6 +54,15 @@ class Surface:
         cotangent = np.clip(np.concatenate(weights), 0.02, 5)
         return Surface(triangles, area, np.concatenate(ends), cotangent)
 
+    def spread(self, values: np.ndarray, times: int) -> np.ndarray:
+        """Values (V,) averaged with those of their neighbours, `times` over."""
+        ends = np.concatenate([self.edges, self.edges[:, ::-1]])
+        count = np.maximum(np.bincount(ends[:, 0], minlength=len(values)), 1)
+        for _ in range(times):
+            around = np.bincount(ends[:, 0], values[ends[:, 1]], len(values)) / count
+            values = 0.5 * (values + around)
+        return values
+
 
 @dataclass(frozen=True)
 class BaseTone:
