@@ -94,7 +94,8 @@ def regions(table: Turntable, degrees: float) -> dict[str, np.ndarray]:
     of_vertex = default_model().vertex_region[turned.mesh.triangles]
 
     def within(names: tuple[str, ...]) -> np.ndarray:
-        return np.isin(of_vertex, [VERTEX_REGIONS.index(name) for name in names]).all(axis=1)
+        a, b, c = np.isin(of_vertex, [VERTEX_REGIONS.index(name) for name in names]).T
+        return a & b & c
 
     straight = table.turned(0)
     front = Mesh(straight.mesh.vertices, straight.mesh.triangles)

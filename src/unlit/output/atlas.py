@@ -146,7 +146,7 @@ def _looked_at(photo: PhotoSamples, mesh: Welded, part: np.ndarray) -> tuple[Wel
     kind[np.unique(mesh.triangles[part == EYES])] = EYES
     seen = photo.at(Points(mesh.position, mesh.normal, mesh.tangent, kind)).weight > 0
     position, moved = borrowed(mesh, part, seen)
-    return replace(mesh, position=position), moved[mesh.triangles].all(axis=1)
+    return replace(mesh, position=position), moved[mesh.triangles[:, 0]]
 
 
 def _level(own: np.ndarray, mirrored: np.ndarray, known: np.ndarray) -> np.ndarray:

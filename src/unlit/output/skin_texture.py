@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-#: Side of a patch and of the noise's period, cm; patches at most, of so many that are looked at.
-_PATCH, _PERIOD, _PATCHES, _LOOKED_AT = 1.5, 12.0, 6, 16
+#: Side of a patch and of the noise's period, cm; patches at most.
+_PATCH, _PERIOD, _PATCHES = 1.5, 12.0, 6
 #: Standard deviation of the blur that tells texture from tone, cm.
 _TONE = 0.15
 #: Share of a patch that has to be good evidence, and what that is.
@@ -154,12 +154,11 @@ def _patches(evidence: np.ndarray, side: int) -> list[tuple[int, int]]:
     sure = ndimage.uniform_filter((evidence > _SURE).astype(np.float32), side, mode="constant")
     # The filter's value is that of the window that starts side // 2 before.
     found: list[tuple[int, int]] = []
-    half = side // 2
-    free = sure.copy()
-    while len(found) < _LOOKED_AT and free.max() >= _GOOD:
-        row, column = np.unravel_index(int(free.argmax()), free.shape)
-        top, left = int(row) - half, int(column) - half
-        if top >= 0 and left >= 0 and top + side <= len(free) and left + side <= free.shape[1]:
+    height, width = (extent - side for extent in sure.shape)
+    while sure.max() >= _GOOD:
+        row, column = divmod(int(sure.argmax()), evidence.shape[1])
+        top, left = row - side // 2, column - side // 2
+        if 0 <= top <= height and 0 <= left <= width:
             found.append((top, left))
-        free[max(row - side, 0) : row + side, max(column - side, 0) : column + side] = 0
+        sure[max(row - side, 0) : row + side, max(column - side, 0) : column + side] = 0
     return found

@@ -37,7 +37,7 @@ def test_scalp_and_shown_hair_in_the_photo_s_colour(head: HeadModel):
     r = small_head(64)
     mesh = replace(
         r.face.mesh,
-        vertices=head.neutral - np.float32((0, 0, DISTANCE)),
+        vertices=head.neutral - np.array((0, 0, DISTANCE), np.float32),
         triangles=head.triangles,
         uv=head.uv,
         triangle_uv=head.triangle_uv,
