@@ -26,8 +26,8 @@ from ..perception.measures import filled
 from ..perception.parser import CLASSES
 from ..perception.topology import FACE_OVAL
 
-#: Cosine to the camera between which a view begins to count, and counts wholly: 73 and 57 degrees.
-_COSINE = (0.30, 0.55)
+#: Cosine to the camera between which a view begins to count, and counts wholly: 76 and 63 degrees.
+_COSINE = (0.25, 0.45)
 #: The same of the distance to what is no face, cm.
 _DEPTH = (0.15, 0.5)
 #: The same of the distance to hair, whose strands and shadow reach farther, cm; and the parser's
@@ -44,7 +44,7 @@ _UNLIKE, _DEEP, _DOUBT = (0.3, 0.7), 1.0, 4.0
 _ISLAND = 0.8
 #: The same of the light that falls on the skin, of the face's 90th percentile. Where less falls,
 #: and at the edge to it, the albedo is a guess.
-_LIGHT = (0.05, 0.2)
+_LIGHT = (0.03, 0.12)
 #: How far beyond brows, lips and eyes their drawn look goes on: lashes, lids' and lips' lines, cm.
 _FEATURE_RIM = 0.4
 

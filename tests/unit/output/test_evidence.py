@@ -76,8 +76,8 @@ def test_where_no_light_falls_there_is_no_evidence():
 def test_squareness_falls_smoothly():
     cosine = np.linspace(0, 1, 101)
     worth = squareness(cosine)
-    assert worth[cosine < 0.29].max() == 0
-    assert worth[cosine > 0.56].min() == 1
+    assert worth[cosine < 0.24].max() == 0
+    assert worth[cosine > 0.46].min() == 1
     assert 0 < np.diff(worth).max() < 0.1
 
 
