@@ -179,14 +179,15 @@ def export(
     *,
     size: int | None = None,
     layout: str = "face",
+    scalp: str = "skin",
     progress: bool = True,
 ) -> Path:
     """Write the result saved in `folder` for other programs; returns the export's folder.
 
     into: FOLDER/export if None. formats: of glb, obj, ply, exr, mitsuba, blender, usd. size: texels
     a side of the textures, 512 to 4096; twice the crop's pixels if None. layout: "face", most of
-    the square for the face, or "head", as the head model has it. Raises SettingsError or
-    OutputError.
+    the square for the face, or "head", as the head model has it. scalp: under hair "skin", or
+    "hair" for its mean colour. Raises SettingsError, ModelError or OutputError.
 
     >>> place = unlit.export(folder, formats=["ply"], progress=False)
     >>> (place / "mesh.ply").exists()
@@ -197,7 +198,12 @@ def export(
     source = Path(folder)
     result, place = load_reconstruction(source), into or source / "export"
     with StepConsole() if progress else nullcontext(silent) as report:
-        return export_files(result, place, source, formats, size, progress=report, layout=layout)
+        return export_files(
+            *(result, place, source, formats, size),
+            progress=report,
+            layout=layout,
+            scalp=scalp,
+        )
 
 
 def batch(

@@ -11,6 +11,7 @@ from .parser import command
 
 #: Kept here, too, so that the help does not wait for the renderer.
 LAYOUTS = ("face", "head")
+SCALPS = ("skin", "hair")
 EXPORTS = ("glb", "obj", "ply", "mitsuba", "blender")
 MAPS = (
     *("diffuse_albedo", "specular_albedo", "roughness"),
@@ -66,6 +67,12 @@ def add(commands: Any) -> None:
         "model has them",
     )
     parser.add_argument(
+        "--scalp",
+        choices=SCALPS,
+        default=SCALPS[0],
+        help="what lies under hair: the person's skin (the default), or the hair's mean colour",
+    )
+    parser.add_argument(
         "--directx", action="store_true", help="normal maps (PNG) with y down, as Unreal wants"
     )
 
@@ -88,6 +95,7 @@ def run(options: argparse.Namespace) -> int:
             progress,
             only_maps=options.only_maps,
             layout=options.layout,
+            scalp=options.scalp,
         )
     print(path)
     return 0

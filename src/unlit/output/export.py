@@ -21,6 +21,7 @@ from ..storage.folder import write_all
 from .geometry import mtl, obj, ply
 from .images import DISPLACEMENT_PNG, exr, png
 from .layout import LARGEST, LAYOUTS, SMALLEST, atlas_size, laid_out
+from .scalp import SCALPS
 from .textures import EXRS, MAP_FILES, PNGS
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ class ExportJob:
     directx: bool
     back: str
     layout: str
+    scalp: str = "skin"
 
 
 #: By file name: what makes its content.
@@ -63,6 +65,7 @@ def export(
     progress: StepProgress = silent,
     only_maps: Collection[str] = (),
     layout: str = "face",
+    scalp: str = "skin",
 ) -> Path:
     """Write `formats` (keys of FORMATS) into `folder`, all or nothing; returns the folder.
 
@@ -70,11 +73,12 @@ def export(
 
     source: the folder that `reconstruction` was loaded from, which scene_unlit.xml refers to.
     size: texels a side of the atlas, 512 to 4096; by default what the crop is worth (layout.py).
-    layout: where the head's parts lie in it, one of LAYOUTS. directx: y of the PNG normal maps
-    points down.
+    layout: where the head's parts lie in it, one of LAYOUTS. scalp: what lies under hair, one of
+    SCALPS: skin, or the hair's mean colour, for which the photo has to show hair. directx: y of
+    the PNG normal maps points down.
     only_maps: keys of MAP_FILES; if there are any, these maps of the atlas are written, and no
     format.
-    Raises SettingsError or OutputError.
+    Raises SettingsError, ModelError or OutputError.
     """
     folder = Path(folder)
     chosen, known = (only_maps, MAP_FILES) if only_maps else (formats, FORMATS)
@@ -85,6 +89,8 @@ def export(
         )
     if layout not in LAYOUTS:
         raise SettingsError(f"layout {layout}: choose from {', '.join(LAYOUTS)}")
+    if scalp not in SCALPS:
+        raise SettingsError(f"scalp {scalp}: choose from {', '.join(SCALPS)}")
     size = atlas_size(reconstruction) if size is None else size
     if not SMALLEST <= size <= LARGEST:
         raise SettingsError(f"size {size}: choose {SMALLEST} to {LARGEST} texels")
@@ -93,7 +99,7 @@ def export(
     progress("baking the atlas", 0, 2)
     back = _way(folder.resolve(), Path(source).resolve())
     laid = laid_out(reconstruction, layout)
-    job = ExportJob(laid, bake(laid, size), directx, back, layout)
+    job = ExportJob(laid, bake(laid, size, scalp), directx, back, layout, scalp)
     contents: Contents = {}
     if only_maps:
         files = {file for name in only_maps for file in MAP_FILES[name]}
@@ -142,6 +148,7 @@ def _mark(job: ExportJob, formats: list[str], size: int, files: Iterable[str]) -
         "formats": formats,
         "size": size,
         "layout": job.layout,
+        "scalp": job.scalp,
         "normals": "y down (DirectX) in PNG" if job.directx else "y up (OpenGL)",
         "displacement": f"millimetres in EXR; {DISPLACEMENT_PNG} in PNG",
         "files": sorted([*files, MARK]),

@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 
 from ..face.reconstruction import Reconstruction
-from ..output.atlas import DIFFUSED, GRAZING, MIRRORED, PLAIN, SEEN, Atlas
+from ..output.atlas import BLENDED, DIFFUSED, MIRRORED, PLAIN, SEEN, Atlas
 from ..output.images import MAPS, bytes_of, encoded, webp, webp_exact
 from ..output.montage import clay, error, light
 from ..output.textures import normal_bytes
@@ -38,9 +38,9 @@ _FILLED = {"diffuse_albedo", "specular_albedo", "roughness"}
 
 _LEVELS = {
     SEEN: ((253, 231, 37), "measured"),
-    GRAZING: ((94, 201, 98), "measured at more than 70 degrees from the normal"),
-    MIRRORED: ((33, 145, 140), "taken from the other half of the face"),
-    DIFFUSED: ((59, 82, 139), "a smooth continuation"),
+    BLENDED: ((94, 201, 98), "measured in part: seen from the side, or beside hair or a shadow"),
+    MIRRORED: ((33, 145, 140), "detail of the other half of the face, or the other eye"),
+    DIFFUSED: ((59, 82, 139), "the person's skin, continued with texture of its own"),
     PLAIN: ((68, 1, 84), "a constant"),
 }
 

@@ -11,7 +11,7 @@ from unlit.color import encode_srgb
 from unlit.face.conditions import Shadow
 from unlit.face.reconstruction import Reconstruction
 from unlit.machine.runtime import mitsuba
-from unlit.output.atlas import DIFFUSED, GRAZING, MIRRORED, PLAIN, SEEN, Atlas, bake
+from unlit.output.atlas import BLENDED, DIFFUSED, MIRRORED, PLAIN, SEEN, Atlas, bake
 from unlit.output.displacement import displacement
 from unlit.scene.brdf import specular
 from unlit.scene.mesh import Mesh, surface_weights
@@ -93,8 +93,8 @@ def atlas(r) -> Atlas:
 def test_round_trip(r, atlas):
     """From the photo's camera the UV-mapped mesh renders as the image-space maps, to 40 dB."""
     seen = Seen(r, atlas)
-    inside = seen.look((atlas.confidence >= GRAZING).astype("f4"))[:, 0] > 0.999
-    assert inside.mean() > 0.9
+    inside = seen.look((atlas.confidence == SEEN).astype("f4"))[:, 0] > 0.999
+    assert inside.mean() > 0.6
 
     def pixels(image: np.ndarray) -> np.ndarray:
         return image.reshape(len(r.face.mask) ** 2, -1)[seen.pixel]
@@ -172,23 +172,24 @@ def test_confidence_is_what_the_camera_sees(r, atlas):
     ray = mi.Ray3f(mi.Point3f(*start.T.astype("f4")), to_camera)
     visible = ~scene.ray_test(ray).numpy() & (cosine > 0)
     level = atlas.confidence[tuple(cell.T)]
-    measured = level >= GRAZING
-    assert (measured == visible).mean() > 0.98
-    both = measured & visible & (np.abs(cosine - 0.34) > 0.05)
-    np.testing.assert_array_equal((level == SEEN)[both], (cosine > 0.34)[both])
+    assert visible[level >= BLENDED].mean() > 0.98
+    square = visible & (cosine > 0.5)  # the silhouette, where the mask ends, is far away
+    assert (level == SEEN)[square].mean() > 0.98
+    assert not (level == SEEN)[cosine < 0.4].any()
+    assert not (level >= BLENDED)[cosine < 0.25].any()
 
 
 def test_unseen_half_is_mirrored(atlas):
     """Half of a symmetric face is measured: the other half is its mirror image, and marked so."""
     whole = atlas
     atlas = bake(small_head(shown=lambda point: point[:, 0] > CENTRE[0] - 0.5), SIZE)
-    hidden = (whole.confidence == SEEN) & (atlas.confidence < GRAZING)
+    hidden = (whole.confidence == SEEN) & (atlas.confidence < BLENDED)
     rows, columns = np.nonzero(hidden)
     skin = rows < 0.64 * SIZE
     hidden = rows[skin], columns[skin]
-    assert (atlas.confidence[hidden] == MIRRORED).mean() > 0.97
+    assert (atlas.confidence[hidden] == MIRRORED).mean() > 0.9
     error = np.abs(atlas.diffuse_albedo - whole.diffuse_albedo)[hidden]
-    assert error.mean() < 0.004
+    assert error.mean() < 0.006
     # The bend of the normals is symmetric too, so that x of tangent space changes its sign.
     assert np.abs(atlas.specular_normal - whole.specular_normal)[hidden].mean() < 0.02
 
@@ -202,7 +203,7 @@ def test_what_lies_in_a_cast_shadow_is_not_measured(r, atlas):
     shadowed = bake(changed(r, {"conditions.shadow": shadow}), SIZE)
     left = bake(changed(r, {"face.mask": r.face.mask * trust}), SIZE)
     np.testing.assert_array_equal(shadowed.confidence, left.confidence)
-    assert (shadowed.confidence >= GRAZING).sum() < 0.7 * (atlas.confidence >= GRAZING).sum()
+    assert (shadowed.confidence >= BLENDED).sum() < 0.7 * (atlas.confidence >= BLENDED).sum()
 
 
 def test_a_layout_without_mirror_axis_is_not_mirrored():
@@ -212,8 +213,8 @@ def test_a_layout_without_mirror_axis_is_not_mirrored():
         [r.face.mesh.uv[:, 0] * 0.7 + 0.3 * r.face.mesh.uv[:, 1], r.face.mesh.uv[:, 1]], axis=1
     )
     atlas = bake(changed(r, {"face.mesh.uv": sheared.astype("f4")}), SIZE)
-    levels = set(np.unique(atlas.confidence))
-    assert {DIFFUSED, GRAZING, SEEN} <= levels
+    levels = set(np.unique(atlas.confidence[: int(0.6 * SIZE)]))  # the skin's
+    assert {DIFFUSED, BLENDED, SEEN} <= levels
     assert MIRRORED not in levels
 
 
@@ -231,7 +232,7 @@ def test_diffusion_keeps_a_constant_and_meets_the_boundary():
     atlas = bake(half, SIZE)
     column = slice(SIZE // 2 - 40, SIZE // 2 + 40)
     level, value = atlas.confidence[:, column], atlas.diffuse_albedo[:, column, 0]
-    edge = (level[:-1] >= GRAZING) & (level[1:] == DIFFUSED)
+    edge = (level[:-1] >= BLENDED) & (level[1:] == DIFFUSED)
     assert edge.any()
     assert np.abs(np.diff(value, axis=0))[edge].max() < 0.02
 
@@ -243,7 +244,7 @@ def test_eyes_take_no_skin_and_skin_no_eyes(shift):
     atlas = bake(r, SIZE)
     eyes = np.zeros((SIZE, SIZE), bool)
     eyes[int(0.76 * SIZE) : int(0.94 * SIZE), int(0.06 * SIZE) : int(0.29 * SIZE)] = True
-    assert (atlas.confidence[eyes] >= GRAZING).any()
+    assert (atlas.confidence[eyes] >= BLENDED).any()
     np.testing.assert_allclose(
         atlas.diffuse_albedo[eyes], np.tile(EYE_COLOUR, (eyes.sum(), 1)), atol=5e-3
     )

@@ -19,11 +19,11 @@ from scipy.spatial import KDTree
 
 from small_head import CENTRE, save_quickly, small_head, with_outline
 from unlit.cli import main
-from unlit.cli.export import EXPORTS, LAYOUTS, MAPS
+from unlit.cli.export import EXPORTS, LAYOUTS, MAPS, SCALPS
 from unlit.color import encode_srgb
 from unlit.errors import OutputError, SettingsError
 from unlit.face.reconstruction import Reconstruction
-from unlit.output import layout
+from unlit.output import layout, scalp
 from unlit.output.export import FORMATS, export
 from unlit.output.save import save
 from unlit.output.textures import MAP_FILES
@@ -46,9 +46,10 @@ def test_the_folder_holds_what_it_says(everything):
     assert {path.name for path in everything.iterdir()} == set(table["files"])
     assert all(path.stat().st_size for path in everything.iterdir())
     assert table["source"] == ".."
-    assert (table["size"], table["layout"]) == (512, "face")
+    assert (table["size"], table["layout"], table["scalp"]) == (512, "face", "skin")
     assert (*EXPORTS, "usd") == tuple(FORMATS)
     assert LAYOUTS == layout.LAYOUTS
+    assert SCALPS == scalp.SCALPS
     assert inspect.signature(export).parameters["formats"].default == EXPORTS
 
 
@@ -265,3 +266,5 @@ def test_all_files_have_the_layout_of_the_atlas(tmp_path, chosen):
         assert corners.query(np.asarray(found))[0].max() < 1e-5
     with pytest.raises(SettingsError, match="layout back: choose from face, head"):
         export(r, tmp_path / "wrong", tmp_path, ["ply"], 512, layout="back")
+    with pytest.raises(SettingsError, match="scalp bald: choose from skin, hair"):
+        export(r, tmp_path / "wrong", tmp_path, ["ply"], 512, scalp="bald")

@@ -11,7 +11,7 @@ from changed import changed
 from small_head import SKIN_TRIANGLES, small_head, with_outline
 from unlit.face.reconstruction import Reconstruction
 from unlit.head.model import HeadModel
-from unlit.output.atlas import GRAZING, MIRRORED, bake
+from unlit.output.atlas import BLENDED, MIRRORED, bake
 from unlit.output.layout import LARGEST, LAYOUTS, SMALLEST, atlas_size, laid_out
 from unlit.output.parts import EYES, INSIDE, components, mirror_axis, parts
 from unlit.perception.topology import FACE_OVAL
@@ -99,7 +99,7 @@ def test_the_baked_face_has_more_texels_of_the_same_picture() -> None:
     """Measured and mirrored texels are where the mesh says, with the colours that they had."""
     hidden = with_outline(small_head(shown=lambda point: point[:, 0] > -0.2))
     own, face = (bake(laid_out(hidden, layout), 256) for layout in ("head", "face"))
-    assert (face.confidence >= GRAZING).mean() > 1.5 * (own.confidence >= GRAZING).mean()
+    assert (face.confidence >= BLENDED).mean() > 1.5 * (own.confidence >= BLENDED).mean()
     assert (face.confidence == MIRRORED).sum() > 1000
     same = np.unique(hidden.face.mesh.triangle_uv[:SKIN_TRIANGLES])
     looked = []
@@ -109,7 +109,7 @@ def test_the_baked_face_has_more_texels_of_the_same_picture() -> None:
         looked.append((atlas.diffuse_albedo[cell], atlas.confidence[cell]))
     (colour, level), (other, found) = looked
     both = (level >= MIRRORED) & (found >= MIRRORED)
-    assert both.mean() > 0.3
+    assert both.mean() > 0.15
     assert np.abs(colour - other)[both].mean() < 0.01
 
 

@@ -27,13 +27,14 @@ from ..basis import remove_similarity, vertex_areas
 from ..contact import seal_lips
 from ..eyebrows import eyebrow_vertices
 from ..model import VERTEX_REGIONS, HeadModel
+from ..rim import even_rim
 from ..subdivision import catmull_clark, triangulate
 from . import makehuman_learnt as learnt
 from . import makehuman_parts as parts
 from .makehuman_files import TARGETS, UNITS, Files
 
 ASSET = "makehuman-head"
-BUILDER_VERSION = 3
+BUILDER_VERSION = 4
 
 _LOCAL = ("asym", "cheek", "chin", "ears", "eyebrows", "eyes", "forehead", "head", "mouth", "neck")
 _LOCAL += ("nose",)
@@ -167,6 +168,11 @@ class _Builder:
             identity = np.concatenate([identity, displacement.components[..., None] * normals])
         expression, names = self._expressions(base)
         expression = self._blinks_that_close(neutral, expression * scale, names, landmarks)
+        rim = even_rim(self.triangles, len(neutral))  # of the neck
+        neutral, identity, expression = (
+            np.stack([rim @ shape for shape in shapes]) if shapes.ndim == 3 else rim @ shapes
+            for shapes in (neutral, identity, expression)
+        )
         model = HeadModel(
             name="MakeHuman head",
             licence="CC0-1.0 AND MIT",
