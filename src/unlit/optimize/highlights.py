@@ -70,7 +70,9 @@ def with_highlights(
         if weight.any():
             found += told * _highlight(problem, albedo, weight, settings)
     found = found * pixel_frames(problem).trust * mirrored / (mirrored + _MIRRORED)
-    found = np.minimum(found, settings.highlight_most * mirrored)
+    # The bound is soft, so that the map keeps its shape where the light leaves little room.
+    most = np.maximum(settings.highlight_most * mirrored, 1e-9)
+    found = most * -np.expm1(-found / most)
     found = np.minimum(found, (1 - _BODY) * albedo.min(axis=1))
     more = found / np.maximum(mirrored, _LEAST)
     specular = np.minimum(specular + more, problem.settings.max_specular)

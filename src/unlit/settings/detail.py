@@ -22,7 +22,7 @@ class FineDetail:
         what is left of them at most, darker and brighter.
     highlight_length: how far around a pixel the colour of the skin's body is looked for.
         highlight_margin: how much brighter and whiter than that, over its level, no highlight is.
-        highlight_most: specular albedo that a highlight adds at most; 0 leaves it in the albedo.
+        highlight_most: specular albedo that a highlight adds, softly bounded; 0 leaves it in the albedo.
     """
 
     relief: Weight = 3.0
@@ -37,4 +37,4 @@ class FineDetail:
     shade_range: tuple[float, float] = (-1.2, 0.4)
     highlight_length: Positive = 32.0
     highlight_margin: Share = 0.03
-    highlight_most: Weight = 3.0
+    highlight_most: Weight = 4.0
