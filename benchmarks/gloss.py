@@ -75,7 +75,7 @@ def varied(skin: str, oily: bool) -> KnownSubject:
 
 def subjects() -> dict[str, Callable[[], KnownSubject]]:
     """By name, how to make each."""
-    heads = {
+    heads: dict[str, Callable[[], KnownSubject]] = {
         f"{'oily ' if oily else ''}{skin}": partial(varied, skin, oily)
         for oily in (False, True)
         for skin in _SEEDS

@@ -76,14 +76,15 @@ def with_highlights(
     found = np.minimum(found, (1 - _BODY) * albedo.min(axis=1))
     more = found / np.maximum(mirrored, _LEAST)
     specular = np.minimum(specular + more, problem.settings.max_specular)
-    return np.float32(albedo - found[:, None]), np.float32(specular)
+    return (albedo - found[:, None]).astype(np.float32), specular.astype(np.float32)
 
 
 def _highlight(
     problem: Problem, albedo: np.ndarray, weight: np.ndarray, settings: FineDetail
 ) -> np.ndarray:
     """(P,) h >= 0 of albedo (P, 3). weight: (P,) of the pixels that tell the body's colour."""
-    body = problem.rows(body_around(*map(problem.image_of, (albedo, weight)), settings))
+    image, share = problem.image_of(albedo), problem.image_of(weight)
+    body = problem.rows(body_around(image, share, settings))
     around, brightness = luminance(body), luminance(albedo)
     white = _white_share(albedo, body / np.maximum(around, _LEAST)[:, None])
     margin = settings.highlight_margin * around

@@ -22,7 +22,7 @@ class FineDetail:
         what is left of them at most, darker and brighter.
     highlight_length: how far around a pixel the colour of the skin's body is looked for.
         highlight_margin: how much brighter and whiter than that, over its level, no highlight is.
-        highlight_most: specular albedo that a highlight adds, softly bounded; 0 leaves it in the albedo.
+        highlight_most: soft bound of the specular albedo that a highlight adds; 0 adds none.
     """
 
     relief: Weight = 3.0
