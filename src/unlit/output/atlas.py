@@ -3,14 +3,15 @@
 A texel shows the surface point that its centre has in the texture layout. Where the photo's
 camera sees that point, the texel takes the image-space maps' values there, from those of the four
 pixels around it that lie on the same piece of surface and on the same part of the head: eyeballs
-take pixels of eyes only, skin none of them, the lining of the mouth only lips. All other texels
+take pixels of eyes only, teeth of the open mouth only, the lining of the mouth of it and of lips,
+skin of neither eyes nor mouth. All other texels
 are filled, and `confidence` says how:
 
     SEEN       measured
     GRAZING    measured, but seen at more than 70 degrees from the normal
     MIRRORED   from the other half of the face, where the layout has a mirror axis
-    DIFFUSED   skin and eyes: smooth continuation over the mesh from all of the above
-    PLAIN      no neighbour that was seen: a constant, see _PLAIN
+    DIFFUSED   skin, eyes and teeth: smooth continuation over the mesh from all of the above
+    PLAIN      no neighbour that was seen: a constant, see _PLAIN; teeth: the mean of those seen
 
 Filled values are shifted to meet the measured ones at the boundary. Normals are in the tangent
 space of tangent.py (y up: OpenGL), bent only where the photo or its mirror image says so, and the
@@ -36,7 +37,7 @@ from ..scene.arrays import where
 from ..scene.mesh import Mesh, surface
 from .displacement import displacement
 from .geometry import Welded, welded
-from .parts import EYES, INSIDE, SKIN, mirror_axis, parts
+from .parts import EYES, INSIDE, SKIN, TEETH, mirror_axis, parts
 
 mi = mitsuba()
 
@@ -44,7 +45,7 @@ PLAIN, DIFFUSED, MIRRORED, GRAZING, SEEN = 0, 64, 128, 192, 255
 
 _GRAZING_COSINE = 0.34
 _CHUNK = 1 << 20  # texels at a time: bounds memory
-_EYE, _LIP = 2, 1  # channels of Reconstruction.regions
+_LIP, _EYE, _MOUTH = 1, 2, 4  # channels of Reconstruction.regions
 _RIM = 1.2  # cm
 _DECAY = 0.6  # of what is continued, from one level of a pyramid to the next finer one
 _STRAIGHTEST = 0.05  # least z of a tangent-space normal
@@ -55,7 +56,8 @@ _STRAIGHTEST = 0.05  # least z of a tangent-space normal
 _LOGS, _HEIGHT, _CHANNELS = slice(0, 5), 9, 10
 _MIRROR_SIGN = np.array([1, 1, 1, 1, 1, -1, 1, -1, 1, 1], dtype=np.float32)
 _DARKEST = 1e-3
-# Where nothing is known of a part: skin mid-grey, eyes the white of an eye, mouth dark red.
+# Where nothing is known of a part: skin mid-grey, eyes the white of an eye, mouth dark red,
+# teeth of a usual shade.
 # Linear albedo, specular albedo, roughness; ours.
 _PLAIN = np.log(
     np.array(
@@ -63,6 +65,7 @@ _PLAIN = np.log(
             [0.30, 0.30, 0.30, 0.7, 0.30],
             [0.55, 0.50, 0.47, 0.7, 0.15],
             [0.16, 0.04, 0.035, 0.7, 0.25],
+            [0.52, 0.45, 0.36, 0.7, 0.15],
         ],
         dtype=np.float32,
     )
@@ -215,8 +218,8 @@ class _Photo:
         shown = np.full(pixels, 255, dtype=np.uint8)
         shown[pixel] = part[hits.triangle.numpy()]
         region = r.photo.regions.weights.reshape(pixels, -1)
-        eye, lip = region[:, _EYE] > 0.5, region[:, _LIP] > 0.5
-        fits = {SKIN: ~eye, EYES: eye, INSIDE: lip}
+        lip, eye, mouth = (region[:, kind] > 0.5 for kind in (_LIP, _EYE, _MOUTH))
+        fits = {SKIN: ~(eye | mouth), EYES: eye, INSIDE: lip | mouth, TEETH: mouth}
         self.shows = np.stack([(shown == kind) & fits[kind] for kind in fits], axis=1)
         measured = r.face.mask > 0
         if r.conditions.shadow is not None:
@@ -343,10 +346,15 @@ def _diffuse(
         *_at_vertices(vertex, texels, trust, known, flat[texels.index[known], _LOGS]),
     )
 
+    plain = _PLAIN.copy()
+    shown = part[texels.triangle[known]] == TEETH
+    if shown.any():  # one row of teeth is like the other
+        plain[TEETH] = flat[texels.index[known][shown], _LOGS].mean(axis=0)
+
     def smooth(some: _Texels) -> tuple[np.ndarray, np.ndarray]:
         kind = part[some.triangle]
         sure = (some.at(reached[:, None], vertex)[:, 0] > 0.999) & (kind != INSIDE)
-        return np.where(sure[:, None], some.at(field, vertex), _PLAIN[kind]), sure
+        return np.where(sure[:, None], some.at(field, vertex), plain[kind]), sure
 
     # Known texels hold for a while what they differ by from the field, unknown ones the field.
     measured = texels.some(np.flatnonzero(known))
@@ -357,7 +365,7 @@ def _diffuse(
         some = texels.some(unknown[start : start + _CHUNK])
         flat[some.index, _LOGS], sure = smooth(some)
         flat_levels[some.index] = np.where(sure, DIFFUSED, PLAIN)
-    for index in (SKIN, EYES, INSIDE):
+    for index in (SKIN, EYES, INSIDE, TEETH):
         here = (where == index) & given
         if here.any():
             box = _box(here, margin=len(grid) // 8)  # beyond it a few hundredths are left
@@ -383,7 +391,7 @@ def _trust(levels: np.ndarray, where: np.ndarray, rim: float) -> np.ndarray:
     """
     skin = (where == SKIN) & (levels > 0)
     depth: Any = ndimage.distance_transform_edt(skin)
-    return np.minimum(depth / max(rim, 1), 1) ** 2 + ((where == EYES) & (levels > 0))
+    return np.minimum(depth / max(rim, 1), 1) ** 2 + (np.isin(where, (EYES, TEETH)) & (levels > 0))
 
 
 def _at_vertices(
