@@ -28,6 +28,7 @@ from unlit.evaluate.truth import KnownSubject
 from unlit.face.reconstruction import Reconstruction
 from unlit.machine.runtime import mitsuba
 from unlit.optimize.losses import encode
+from unlit.perception.regions import REGIONS
 from unlit.render.reference import mesh_body, mitsuba_environment
 from unlit.scene.arrays import device
 from unlit.scene.mesh import Mesh
@@ -109,9 +110,9 @@ def fit(face: Reconstruction) -> Baseline:
     rows, columns, _ = parameters[light_name].shape
     texel = np.arange(rows)[:, None] * _GRID[1] + np.arange(columns)[None, :] % _GRID[1]
     texel_of = device(mi.UInt32, np.repeat(texel.ravel(), 3))
-    weights = face.photo.regions.weights[..., :4].reshape(-1, 4)
+    weights = face.photo.regions.weights[..., :-1].reshape(-1, len(REGIONS))
     weights = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-6)
-    weights[weights.sum(axis=1) < 0.5] = (1, 0, 0, 0)
+    weights[weights.sum(axis=1) < 0.5] = np.arange(len(REGIONS)) == 0
     regions = [device(mi.Float, np.repeat(w, 3)) for w in weights.T]
     channel = device(mi.UInt32, np.tile(np.arange(3), size * size))
     mask = np.repeat((face.face.mask > 0.5).ravel(), 3)

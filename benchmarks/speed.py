@@ -31,6 +31,7 @@ from unlit.machine.runtime import mitsuba
 from unlit.optimize.observation import Observation
 from unlit.optimize.problem import Problem
 from unlit.optimize.stages import run_stages
+from unlit.perception.regions import REGIONS
 from unlit.render.reference import mesh_body
 from unlit.render.relighter import image_from_shading
 from unlit.render.transport import Quadrature, ShadingPoints, shade, visibility
@@ -75,7 +76,7 @@ def observed(
     # Such a share of the crop as a face has, at its centre.
     y, x = np.mgrid[0 : size[0], 0 : size[1]] / np.array(size)[:, None, None] - 0.5
     mask = seen & ((x / 0.31) ** 2 + (y / 0.42) ** 2 < 1)
-    regions = np.zeros((*size, 4), np.float32)
+    regions = np.zeros((*size, len(REGIONS)), np.float32)
     regions[..., 0] = 1
     return Observation(
         image=image,

@@ -67,7 +67,7 @@ def photo(seed: int = 1) -> FacePhoto:
     weights[..., 0] = np.clip(1.6 - 4 * np.hypot(xs - 0.5, ys - 0.5), 0, 1)
     weights[..., 1] = weights[..., 0] * (ys > 0.65)
     weights[..., 0] -= weights[..., 1]
-    weights[..., 5] = 1 - weights[..., :4].sum(axis=-1)
+    weights[..., 5] = 1 - weights[..., :5].sum(axis=-1)
     # A round face about the crop's centre, its hairline at angle 0.
     landmarks = np.full((478, 3), SIZE / 2)
     angle = np.linspace(0, 2 * np.pi, len(FACE_OVAL), endpoint=False)

@@ -69,7 +69,7 @@ def remaining(
     """
     least = settings.least_seen
     ratio = np.log(np.maximum(observation.image, least) / np.maximum(stage1.render, least))
-    plain = dark & (observation.regions[..., 1:4].sum(axis=2) < 0.1)
+    plain = dark & (observation.regions[..., 1:].sum(axis=2) < 0.1)
     weight = (plain if plain.any() else dark).astype(np.float64)
 
     def spread(values: np.ndarray, reach: float) -> np.ndarray:
@@ -95,7 +95,7 @@ def shadowed(
     covered = stage1.covered & observation.fitted
     ratio = np.where(covered, ratio, 0).astype(np.float32)
     ratio = cv2.medianBlur(ratio, 2 * settings.smooth + 1)
-    features = observation.regions[..., 1:4].sum(axis=2)  # lips, eyes, eyebrows
+    features = observation.regions[..., 1:].sum(axis=2)  # all but skin
     skin = covered & (features < 0.5) & (stage1.diffuse_shading > settings.least_shading)
     plain = skin & ~_grown(features > 0.1, settings.features)
     # At a bald head's outline the model has no light to compare.

@@ -52,7 +52,7 @@ class SkinSample:
         seen = problem.observation
         image = problem.rows(seen.image)
         regions = problem.rows(seen.regions)
-        plain = (regions[:, 0] > 0.7) & (regions[:, 1:4].sum(axis=1) < 0.15)
+        plain = (regions[:, 0] > 0.7) & (regions[:, 1:].sum(axis=1) < 0.15)
         plain &= problem.rows(seen.fitted)
         plain &= (image.min(axis=1) > settings.darkest) & (image.max(axis=1) < settings.brightest)
         rows = np.flatnonzero(plain)

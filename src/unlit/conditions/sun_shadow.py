@@ -75,7 +75,7 @@ class _View:
         self.open = np.where(self.faced, image(open_), 1)
         self.log = np.log(np.maximum(seen.image, _BLACK))
         self.grey = self.log.mean(axis=2)
-        self.features = seen.regions[..., 1:4].sum(axis=2)
+        self.features = seen.regions[..., 1:].sum(axis=2)
         self.plain = (seen.regions[..., 0] > 0.7) & self.inside & (self.features < 0.15)
         self.plain &= viewed > _SEEN
         self.saturated = seen.image.max(axis=2) > _SATURATED
@@ -179,7 +179,7 @@ def _at_full_size(
     inside = cv2.resize(view.inside.astype(np.float32), (size, size)) > 0.5
     sun, rest, facing = grown(view.sun), grown(view.rest * remaining), grown(view.facing)
     visible = np.clip(grown(visible.astype(np.float32)), 0, 1)
-    features = full.regions[..., 1:4].sum(axis=2)
+    features = full.regions[..., 1:].sum(axis=2)
 
     def mean(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
         reach: Any = 4 * unit

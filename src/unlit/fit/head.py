@@ -8,10 +8,12 @@ from ..face.face import PosedMesh
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
 from ..head.model import HeadModel
+from ..perception.mouth import teeth
 from ..settings.settings import Settings
 from .landmarks import LandmarkProblem
 from .outline import Outline
 from .shading import ShadingProblem
+from .teeth import teeth_placed
 
 
 def fit_head(photo: FacePhoto, model: HeadModel, settings: Settings) -> FittedHead:
@@ -21,8 +23,10 @@ def fit_head(photo: FacePhoto, model: HeadModel, settings: Settings) -> FittedHe
     with threadpool_limits(1, user_api="blas"):
         shading = ShadingProblem(problem, photo.image, photo.regions, settings.shading_fit)
         fit = shading.solve(problem.solve(closed), closed)
+    shown = teeth(photo.image, photo.landmarks[:, :2], photo.regions.mouth)
+    vertices = teeth_placed(model, fit.vertices, fit.state, photo.camera, shown)
     return FittedHead(
-        PosedMesh(fit.vertices, model.triangles, model.uv, model.triangle_uv),
+        PosedMesh(vertices, model.triangles, model.uv, model.triangle_uv),
         fit.landmarks.astype("float32"),
         model.landmark_points,
         fit.landmark_residual,

@@ -31,15 +31,20 @@ _OVERLAP = 0.03
 _SAMPLES = 60
 
 
+def pieces(model: HeadModel) -> np.ndarray:
+    """Number of the connected piece of the mesh that each vertex belongs to, (V,)."""
+    edges = model.triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
+    count = len(model.neutral)
+    graph = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1])
+
+
 def eyeballs(model: HeadModel) -> list[np.ndarray]:
     """Vertex masks (V,) of the right and the left eyeball: the pieces that carry the irises.
 
     Fewer where the model has none, or where its eyes are part of the skin.
     """
-    edges = model.triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
-    count = len(model.neutral)
-    graph = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
-    piece = connected_components(graph, directed=False)[1]
+    piece = pieces(model)
     carriers = [model.landmark_points.triangle[iris] for iris in _IRISES]
     balls = [piece == piece[model.triangles[carrier, 0]] for carrier in carriers if carrier >= 0]
     return [ball for ball in balls if _sphere(model.neutral[ball])[1] < _LARGEST_RADIUS]

@@ -126,6 +126,7 @@ class _Head:
         colours = np.tile(skin, (len(vertices), 1))
         colours[region == code["lips"]] = skin * (0.75, 0.45, 0.5)
         colours[region == code["mouth"]] = skin * (0.3, 0.1, 0.1)
+        colours[region == code["teeth"]] = 0.6
         eyes = region == code["eyes"]
         colours[eyes] = 0.7
         for side in (vertices[:, 0] < 0, vertices[:, 0] > 0):

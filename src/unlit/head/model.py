@@ -20,7 +20,7 @@ from ..errors import ModelError
 from ..scene.surface_points import SurfacePoints
 from ..storage.arrays import DAMAGED, read_header, reason
 
-VERTEX_REGIONS = ("skin", "lips", "eyes", "eyebrows", "mouth", "scalp", "neck", "ears")
+VERTEX_REGIONS = ("skin", "lips", "eyes", "eyebrows", "mouth", "scalp", "neck", "ears", "teeth")
 LANDMARKS = 478
 FORMAT = "unlit-head-model"
 FORMAT_VERSION = 1

@@ -1,4 +1,5 @@
-"""After stage 5: the finest detail of the photo, in normals and albedo (paper, section 3.5)."""
+"""After stage 5: the finest detail of the photo, in normals and albedo (paper, section 3.5), and
+the albedo of the open mouth."""
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ from ..scene.lobes import CellRadiance
 from .estimate import Estimate
 from .fine_albedo import fine_albedo
 from .highlights import with_highlights
+from .mouth_albedo import with_mouth
 from .problem import Problem
 from .relief import with_relief
 from .shade_detail import with_detail_of_shade
@@ -45,6 +47,7 @@ def with_fine_detail(problem: Problem, estimate: Estimate, shading: Shading) -> 
     gloss = specular[:, None] * s
     albedo = fine_albedo(problem, albedo, gloss, e, settings)
     albedo = with_detail_of_shade(problem, albedo, gloss, e, settings)
+    albedo = with_mouth(problem, albedo, gloss, e)
     albedo, specular = with_highlights(problem, albedo, specular, e, s, settings)
     return replace(
         estimate,

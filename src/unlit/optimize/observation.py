@@ -11,6 +11,7 @@ from ..face.conditions import Conditions
 from ..face.head import FittedHead
 from ..face.photo import FacePhoto
 from ..perception.measures import face_area
+from ..perception.regions import REGIONS
 from ..scene.camera import Camera
 from ..scene.surface_points import SurfacePoints
 
@@ -19,14 +20,14 @@ from ..scene.surface_points import SurfacePoints
 class Observation:
     """What is known before the stages, as NumPy arrays.
 
-    image: (H, W, 3) float32 linear sRGB, as under white light. regions: (H, W, 4) soft masks in
-    [0, 1] of skin, lips, eyes, eyebrows. mask: (H, W) bool, the pixels that get maps. weight:
+    image: (H, W, 3) float32 linear sRGB, as under white light. regions: (H, W, 5) soft masks in
+    [0, 1] of REGIONS. mask: (H, W) bool, the pixels that get maps. weight:
     (H, W) in [0, 1], how far the photo counts there. fitted: (H, W) bool, where landmarks hold the
-    fitted head: of ears and neck neither place nor shape is as well known, so that light and gain
-    are not judged there. camera: H x W pixels. vertices: (V, 3) float32 fitted mesh, world frame,
-    cm; triangles: (F, 3) int32. landmarks: (L, 2) detected points, pixels of the image;
-    landmark_points: the same points on the mesh. sun: (3,) direction of a light whose shadow the
-    image has no more; None without one.
+    fitted head: of ears, neck, teeth and tongue neither place nor shape is as well known, so that
+    light and gain are not judged there. camera: H x W pixels. vertices: (V, 3) float32 fitted mesh,
+    world frame, cm; triangles: (F, 3) int32. landmarks: (L, 2) detected points, pixels of the
+    image; landmark_points: the same points on the mesh. sun: (3,) direction of a light whose shadow
+    the image has no more; None without one.
     """
 
     image: np.ndarray
@@ -49,8 +50,12 @@ class Observation:
         scale = size / camera.width
 
         def small(image: np.ndarray) -> np.ndarray:
-            whole = np.ascontiguousarray(image, dtype=np.float32)
-            return cv2.resize(whole, (size, size), interpolation=cv2.INTER_AREA)
+            whole = np.atleast_3d(image).astype(np.float32)
+            channels = [
+                cv2.resize(channel, (size, size), interpolation=cv2.INTER_AREA)
+                for channel in cv2.split(whole)
+            ]
+            return np.dstack(channels).reshape(size, size, *image.shape[2:])
 
         return replace(
             self,
@@ -69,10 +74,10 @@ def observation(photo: FacePhoto, head: FittedHead, conditions: Conditions) -> O
     face, shadow = photo.regions.face, conditions.shadow
     return Observation(
         image=conditions.balanced(photo.image),
-        regions=photo.regions.weights[..., :4],
+        regions=photo.regions.weights[..., : len(REGIONS)],
         mask=face > 0.5,
         weight=face if shadow is None else face * shadow.trust,
-        fitted=face_area(photo.landmarks[:, :2], len(face)),
+        fitted=face_area(photo.landmarks[:, :2], len(face)) & (photo.regions.mouth < 0.5),
         camera=photo.camera,
         vertices=head.mesh.vertices,
         triangles=head.mesh.triangles,

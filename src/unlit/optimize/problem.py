@@ -31,7 +31,7 @@ class Problem:
     As attributes: hits: what the P pixels see now; pixel: (P,) int64, row-major. target:
     mi.Color3f, the sRGB-encoded photo, censored; weakest: mi.Float, its weakest channel, linear;
     weight: mi.Float >= 0, sum 1; roughness: mi.Float, Beckmann alpha; all of width P. regions:
-    (P, 4) float32, sum 1.
+    (P, 5) float32, sum 1.
 
     Raises ValueError when the mesh and the mask do not overlap, or nothing there has any weight.
     """

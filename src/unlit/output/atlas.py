@@ -8,9 +8,9 @@ where base is the smooth field of vertex_base.py, a the weight of the evidence (
 weight (1 - a) of the other half of the face, and texture the noise of skin_texture.py. Detail is
 what a map has over its base. So every source fades into the others: there is no seam to hide, and
 a light that differs between the halves cannot be carried over, as details alone are mirrored.
-Where a = 1 the texel is the photo's to the bit. Eyes and what lines the mouth take the photo where
-it shows them; an eye that it hides is as the other one. `confidence` says which source a texel is
-of:
+Where a = 1 the texel is the photo's to the bit. Eyes, teeth and what lines the mouth take the photo
+where it shows them; an eye that it hides is as the other one, teeth as those that are seen.
+`confidence` says which source a texel is of:
 
     SEEN       measured, nothing added
     BLENDED    measured for the most part: seen at a grazing angle, or beside hair

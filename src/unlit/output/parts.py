@@ -1,9 +1,10 @@
-"""Which triangles are skin, which are eyeballs, which line the inside of the head.
+"""Which triangles are skin, which are eyeballs, which teeth, which line the inside of the head.
 
 Read off the geometry alone, so that any head model will do. A chart (a connected part of the
 texture layout) from which almost nothing of the outside can be seen lines the mouth or an eye
 socket: measured on fitted heads, 0.00 to 0.02 of its hemisphere is free, on skin more than 0.9.
-A piece of the mesh other than the largest that is round is an eyeball.
+A piece of the mesh other than the largest that is round is an eyeball, one that is bent around an
+empty middle is a row of teeth with its gums; a tongue is neither, and counts as inside.
 """
 
 from __future__ import annotations
@@ -17,12 +18,15 @@ from scipy.spatial import KDTree
 
 from ..machine.runtime import mitsuba
 
-SKIN, EYES, INSIDE = range(3)
+SKIN, EYES, INSIDE, TEETH = range(4)
 #: Names of the parts, used for the materials of the files.
-PARTS = ("skin", "eyes", "inside")
+PARTS = ("skin", "eyes", "inside", "teeth")
 
 _OPEN = 0.2  # share of the hemisphere that is free, under which a chart is inside
-_ROUND = 0.1  # greatest spread of an eyeball's radii, over their mean
+# Of a piece's points the least distance from its box's middle over the greatest: eyeballs have 1,
+# rows of teeth .37, a tongue .06. And the greatest cosine, seen from there, of a point with the
+# axis along which the piece is thinnest: what is closed has 1, rows of teeth .33.
+_ROUND, _HOLLOW, _BOW = 0.9, 0.2, 0.8
 _RAYS = 32
 
 
@@ -42,8 +46,12 @@ def parts(vertices: np.ndarray, triangles: np.ndarray, triangle_uv: np.ndarray) 
         points = vertices[np.unique(triangles[inside])]
         centre = (points.min(axis=0) + points.max(axis=0)) / 2
         radius = np.linalg.norm(points - centre, axis=1)
-        if np.ptp(radius) < _ROUND * radius.mean():
+        hollow = radius.min() / radius.max()
+        thinnest = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][-1]
+        if hollow > _ROUND:
             part[inside] = EYES
+        elif hollow > _HOLLOW and np.abs((points - centre) @ thinnest / radius).max() < _BOW:
+            part[inside] = TEETH
     return part
 
 

@@ -1,8 +1,8 @@
 """What the photo says of points of the mesh: the image-space maps where its camera sees them.
 
 A point takes the values of those of the four pixels around it that lie on the same piece of
-surface and on the same part of the head: eyeballs take pixels of eyes only, skin none of them, the
-lining of the mouth only lips.
+surface and on the same part of the head: eyeballs take pixels of eyes only, teeth of the open
+mouth only, the lining of the mouth of it and of lips, skin of neither eyes nor mouth.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ..scene.mesh import Mesh, surface
 from .displacement import displacement
 from .evidence import features, pixel_evidence, squareness
 from .geometry import Welded
-from .parts import EYES, INSIDE, SKIN
+from .parts import EYES, INSIDE, SKIN, TEETH
 from .skin_texture import SkinTexture, skin_texture
 from .texels import Texels
 
@@ -27,7 +27,7 @@ from .texels import Texels
 #: Logarithms keep what is filled in positive.
 LOGS, HEIGHT, CHANNELS = slice(0, 5), 9, 10
 
-_EYE, _LIP = 2, 1  # channels of Regions.weights
+_LIP, _EYE, _MOUTH = 1, 2, 4  # channels of Regions.weights
 _DARKEST = 1e-3
 _STRAIGHTEST = 0.05  # least z of a tangent-space normal
 _TONE = 0.25  # cm, standard deviation of the blur of what vertices take
@@ -79,8 +79,8 @@ class PhotoSamples:
         shown = np.full(pixels, 255, dtype=np.uint8)
         shown[pixel] = part[hits.triangle.numpy()]
         region = r.photo.regions.weights.reshape(pixels, -1)
-        eye, lip = region[:, _EYE] > 0.5, region[:, _LIP] > 0.5
-        fits = {SKIN: ~eye, EYES: eye, INSIDE: lip}
+        lip, eye, mouth = (region[:, kind] > 0.5 for kind in (_LIP, _EYE, _MOUTH))
+        fits = {SKIN: ~(eye | mouth), EYES: eye, INSIDE: lip | mouth, TEETH: mouth}
         self.shows = np.stack([(shown == kind) & fits[kind] for kind in fits], axis=1)
         measured = r.face.mask > 0
         if r.conditions.shadow is not None:
@@ -102,13 +102,13 @@ class PhotoSamples:
     def toned(self) -> np.ndarray:
         """The maps (pixels, C) without what is too fine for the mesh's vertices.
 
-        Skin and eyes are blurred apart, each by what is good evidence of it.
+        Skin, eyes and teeth are blurred apart, each by what is good evidence of it.
         """
         out = self.maps.copy()
         shape = self.camera.height, self.camera.width
         blur = _TONE * self.centimetre
         evidence, feature = self.maps[:, -2], self.maps[:, -1]
-        for kind, worth in ((SKIN, evidence * (1 - feature)), (EYES, 1.0)):
+        for kind, worth in ((SKIN, evidence * (1 - feature)), (EYES, 1.0), (TEETH, 1.0)):
             here = self.shows[:, kind]
             weight = (here * worth).astype(np.float32).reshape(shape)
             share = ndimage.gaussian_filter(weight, blur)

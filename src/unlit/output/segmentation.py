@@ -40,7 +40,7 @@ def segmentation_png(reconstruction: Reconstruction) -> bytes:
     photo = reconstruction.photo
     shares = photo.regions.shares
     if shares is None:
-        names = (*REGIONS, "mouth", "background")
+        names = (*REGIONS, "background")
         shares = np.zeros((*photo.regions.weights.shape[:2], len(CLASSES)), np.float32)
         shares[..., [CLASSES.index(name) for name in names]] = photo.regions.weights
     return png(_with_names(_coloured(photo.image, shares)))

@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 from .base_tone import BaseTone, Surface, base_tone
 from .evidence import ramp
 from .geometry import Welded
-from .parts import EYES, INSIDE, SKIN
+from .parts import EYES, INSIDE, SKIN, TEETH
 from .photo_samples import LOGS, PhotoSamples, Points
 from .scalp import Hair
 from .texels import Texels
@@ -31,7 +31,8 @@ _MOLE, _MOTTLE = 2.0, 0.15
 _HAIRLINE = 3
 _WHOLE = 0.999  # of three corners' mean: all of them
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-# Where nothing is known of a part: skin mid-grey, eyes the white of an eye, mouth dark red.
+# Where nothing is known of a part: skin mid-grey, eyes the white of an eye, mouth dark red,
+# teeth of a usual shade.
 # Linear albedo, specular albedo, roughness; ours.
 _PLAIN = np.log(
     np.array(
@@ -39,6 +40,7 @@ _PLAIN = np.log(
             [0.30, 0.30, 0.30, 0.7, 0.30],
             [0.55, 0.50, 0.47, 0.7, 0.15],
             [0.16, 0.04, 0.035, 0.7, 0.25],
+            [0.52, 0.45, 0.36, 0.7, 0.15],
         ],
         dtype=np.float32,
     )
@@ -77,9 +79,9 @@ class VertexBase:
         count = int(mesh.vertex.max()) + 1
         first = np.unique(mesh.vertex, return_index=True)[1]  # a corner of each vertex
         kind = np.full(len(mesh.vertex), INSIDE, dtype=np.uint8)
-        for one in (SKIN, EYES):
+        for one in (SKIN, EYES, TEETH):
             kind[np.unique(mesh.triangles[part == one])] = one
-        of_vertex = np.full(count, INSIDE, dtype=np.uint8)
+        of_vertex = np.full(count, 255, dtype=np.uint8)
         np.minimum.at(of_vertex, mesh.vertex, kind)
         normal = mesh.normal[first]
         points = Points(mesh.position[first], normal, mesh.tangent[first], of_vertex)
@@ -92,7 +94,7 @@ class VertexBase:
         values = found.values.astype(np.float64)
         values[:, LOGS.stop :] = 0
         typical = np.zeros_like(values)
-        for one in (SKIN, EYES):
+        for one in (SKIN, EYES, TEETH):
             here = of_vertex == one
             good = here & (weight > 0.5)
             typical[here, LOGS] = (
@@ -168,9 +170,12 @@ def _twins(
 
 
 def _known(triangles: np.ndarray, seen: np.ndarray, kind: np.ndarray, count: int) -> np.ndarray:
-    """(V,) bool: the skin if any of it was seen, and of the eyeballs those of which some was."""
+    """(V,) bool: skin, and teeth, if any of them were seen; eyeballs each by itself."""
     edges = triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
     graph = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
     piece = connected_components(graph, directed=False)[1]
     reached = np.isin(piece, piece[seen])
-    return np.where(kind == SKIN, (seen & (kind == SKIN)).any(), reached & (kind != INSIDE))
+    known = reached & (kind == EYES)
+    for whole in (SKIN, TEETH):
+        known |= (kind == whole) & (seen & (kind == whole)).any()
+    return known

@@ -48,9 +48,8 @@ def painted(regions: Regions, face: np.ndarray) -> Regions:
     other = face != was
     old, new = was[other], face[other]
     rows = weights[other]
-    rows[:, :4] *= np.minimum(new / np.maximum(old, 1e-6), 1)[:, None]
+    rows[:, :5] *= np.minimum(new / np.maximum(old, 1e-6), 1)[:, None]
     rows[:, 0] += np.maximum(new - old, 0)
-    rows[:, 4] = np.minimum(rows[:, 4], 1 - new)
     rows[:, 5] = np.maximum(1 - rows[:, :5].sum(axis=1), 0)
     weights[other] = rows
     return Regions(weights, regions.shares)

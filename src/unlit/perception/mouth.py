@@ -44,16 +44,45 @@ def mouth_opening(image: np.ndarray, landmarks: np.ndarray) -> float:
     return float(smoothstep(gap, *_GAP) * np.maximum(unlike_lips, smoothstep(gap, *_WIDE)))
 
 
+def teeth(image: np.ndarray, landmarks: np.ndarray, mouth: np.ndarray) -> np.ndarray:
+    """(S, S) bool: the pixels of the open mouth that show teeth, paler than lips and not dark.
+
+    image: (S, S, 3) linear sRGB. landmarks: (478, 2) pixels. mouth: (S, S), its share, 0 to 1.
+    """
+    found = np.zeros(mouth.shape, dtype=bool)
+    inside = mouth > 0.5
+    lips = _colours_of_lips(image, landmarks)
+    if lips is not None and inside.any():
+        palest, darkest, seen = lips
+        found[inside] = (seen[inside, 0] < palest - _PALER) & (seen[inside, 2] > darkest)
+    return found
+
+
 def _share_unlike_lips(image: np.ndarray, landmarks: np.ndarray) -> float:
     """Share of the pixels between the inner contours that no part of the lips resembles."""
+    inner = filled(landmarks, len(image), LIPS_INNER)
+    lips = _colours_of_lips(image, landmarks)
+    if lips is None or inner.sum() < _MIN_PIXELS:
+        return 0.0
+    palest, darkest, seen = lips
+    inside = seen[inner]
+    unlike = (inside[:, 0] < palest - _PALER) | (inside[:, 2] < darkest - _DARKER)
+    return float(unlike.mean())
+
+
+def _colours_of_lips(
+    image: np.ndarray, landmarks: np.ndarray
+) -> tuple[float, float, np.ndarray] | None:
+    """Log R/G of the lips' palest parts, log-luminance of their darkest, and `colours(image)`.
+
+    None where too little of the lips is seen.
+    """
     size, resolution = face_size(landmarks), len(image)
     inner = filled(landmarks, resolution, LIPS_INNER).astype(np.uint8)
     outer = filled(landmarks, resolution, LIPS_OUTER).astype(np.uint8)
     lips = (cv2.erode(outer, disk(0.004 * size)) > 0) & ~(cv2.dilate(inner, disk(0.007 * size)) > 0)
-    if inner.sum() < _MIN_PIXELS or lips.sum() < _MIN_PIXELS:
-        return 0.0
+    if lips.sum() < _MIN_PIXELS:
+        return None
     seen = colours(image)
     palest, darkest = np.percentile(seen[lips][:, 0], 5), np.percentile(seen[lips][:, 2], 2)
-    inside = seen[inner > 0]
-    unlike = (inside[:, 0] < palest - _PALER) | (inside[:, 2] < darkest - _DARKER)
-    return float(unlike.mean())
+    return float(palest), float(darkest), seen

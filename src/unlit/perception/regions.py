@@ -45,7 +45,7 @@ from .topology import (
 
 #: Those of the face that get maps, in the order of `Regions.weights` and of stage 1's base colours
 #: (paper, section 3.1).
-REGIONS = ("skin", "lips", "eyes", "eyebrows")
+REGIONS = ("skin", "lips", "eyes", "eyebrows", "mouth")
 
 # Aperture over width, and blink score, between which an eye counts as closing. Measured: narrow
 # laughing eyes have apertures from 0.23 and scores to 0.29.
@@ -114,8 +114,8 @@ class Regions:
 
     @property
     def face(self) -> np.ndarray:
-        """(S, S): skin, lips, eyes and eyebrows together."""
-        return self.weights[..., :4].sum(axis=-1)
+        """(S, S): all that gets maps: skin, lips, eyes, eyebrows and mouth together."""
+        return self.weights[..., : len(REGIONS)].sum(axis=-1)
 
 
 def segment(

@@ -16,7 +16,6 @@ from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba
 from ..output.atlas import bake
 from ..output.layout import LARGEST, laid_out
-from ..output.parts import INSIDE
 from ..scene.maps import Maps, fill
 from ..scene.mesh import Mesh, surface_weights
 
@@ -37,8 +36,8 @@ class Turntable:
     def turned(self, degrees: float) -> Face:
         """The head turned by `degrees` about the vertical axis through its middle.
 
-        Positive turns the face to the picture's right. The mask is 1 wherever skin or eyes are
-        seen: the whole head, also where nothing was measured.
+        Positive turns the face to the picture's right. The mask is 1 wherever the head is seen,
+        also where nothing was measured.
         """
         r, atlas = self.face, self.atlas
         angle = np.radians(degrees)
@@ -85,7 +84,7 @@ class Turntable:
             replace(r.face.mesh, vertices=vertices),
             maps,
             Normals(image(bent), image(diffuse)),
-            image(atlas.part[triangle] != INSIDE),
+            known.astype(np.float32),
         )
 
 

@@ -31,7 +31,7 @@ Sharpness = Annotated[float, Meta(ge=1e-3, le=1e5)]
 
 #: Beckmann roughness alpha (root-mean-square slope, Weyrich's m) by region. Ours: the paper
 #: follows Weyrich et al. 2006, whose face average is 0.3, without printing its table.
-ROUGHNESS = {"skin": 0.30, "lips": 0.25, "eyes": 0.15, "eyebrows": 0.35}
+ROUGHNESS = {"skin": 0.30, "lips": 0.25, "eyes": 0.15, "eyebrows": 0.35, "mouth": 0.15}
 
 #: Kept as the text that the user wrote.
 _REQUESTS = (LightColorRequest, KnownExposure)
@@ -161,6 +161,7 @@ class Settings:
     lips_roughness: Roughness = ROUGHNESS["lips"]
     eyes_roughness: Roughness = ROUGHNESS["eyes"]
     eyebrows_roughness: Roughness = ROUGHNESS["eyebrows"]
+    mouth_roughness: Roughness = ROUGHNESS["mouth"]
 
     def __post_init__(self) -> None:
         if self.min_sharpness > self.max_sharpness:

@@ -27,7 +27,7 @@ RNG = np.random.default_rng(0)
 
 def found(dark: np.ndarray, factor: float | np.ndarray = 0.4, light: float = 0.8) -> np.ndarray:
     """What is taken for a shadow on a face that is plain but for `dark`; noisy."""
-    regions = np.zeros((SIZE, SIZE, 4), np.float32)
+    regions = np.zeros((SIZE, SIZE, 5), np.float32)
     regions[..., 3] = BROWS
     regions[..., 0] = FACE & ~BROWS
     render = np.full((SIZE, SIZE, 3), 0.3, np.float32) * FACE[..., None]

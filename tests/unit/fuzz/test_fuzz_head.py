@@ -111,6 +111,12 @@ vt 0 0
 vt 1 1
 g body
 f 1/1 2/1 3/2 4/2
+g helper-upper-teeth
+f 1/1 2/1 3/2 4/2
+g helper-lower-teeth
+f 1/1 2/1 3/2 4/2
+g helper-tongue
+f 1/1 2/1 3/2 4/2
 """
 TARGET = b"# a target\n0 0.1 0.2 0.3\n3 -1 0 1e-3\n"
 
@@ -141,7 +147,7 @@ def test_damaged_data_of_the_default_head(tmp_path_factory, monkeypatch, data):
 
     class Builder:
         def __init__(self, source: makehuman_files.Files) -> None:
-            makehuman_files.parse_body(source.read("body").decode())
+            makehuman_files.parse_base(source.read("body").decode())
             source.target(makehuman_files.TARGETS + "one")
             source.mask("lips", np.zeros((3, 2)))
 

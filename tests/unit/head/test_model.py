@@ -74,7 +74,7 @@ def test_landmarks():
         ("expression_names", ("jawOpen", "jawOpen")),
         ("triangles", np.full((4, 3), 4, np.int32)),
         ("triangle_uv", np.full((4, 3), -1, np.int32)),
-        ("vertex_region", np.full(4, 8, np.uint8)),
+        ("vertex_region", np.full(4, 9, np.uint8)),
     ],
 )
 def test_wrong_field_is_named(field, value):

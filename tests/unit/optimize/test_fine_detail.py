@@ -20,7 +20,7 @@ LIT = 0.8
 
 
 def problem_of(image: np.ndarray | None = None) -> Problem:
-    regions = np.zeros((tiny_run.SIZE, tiny_run.SIZE, 4), np.float32)
+    regions = np.zeros((tiny_run.SIZE, tiny_run.SIZE, 5), np.float32)
     regions[..., 0] = 1
     plain = np.full((tiny_run.SIZE, tiny_run.SIZE, 3), (0.5, 0.35, 0.3), np.float32)
     return tiny_run.problem(regions=regions, image=plain if image is None else image)
@@ -61,7 +61,7 @@ def test_what_is_no_relief_goes() -> None:
     assert strength(problem, kept, noise) < 0.75 * SETTINGS.relief
     dark = with_relief(problem, bumps(problem), 0 * lit, SETTINGS)
     assert np.abs(fine_part(problem, dark, SETTINGS)).max() < 0.5 * np.abs(bumps(problem)).max()
-    hairy = tiny_run.problem(regions=np.full((tiny_run.SIZE, tiny_run.SIZE, 4), 0.25, np.float32))
+    hairy = tiny_run.problem(regions=np.full((tiny_run.SIZE, tiny_run.SIZE, 5), 0.2, np.float32))
     bare = with_relief(hairy, bumps(hairy), lit, SETTINGS)
     np.testing.assert_allclose(bare, bumps(hairy) - fine_part(hairy, bumps(hairy), SETTINGS))
 

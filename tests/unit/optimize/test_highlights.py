@@ -8,6 +8,7 @@ import pytest
 import tiny_run
 from unlit.optimize.highlights import body_around, with_highlights
 from unlit.optimize.problem import Problem
+from unlit.perception.regions import REGIONS
 from unlit.settings.detail import FineDetail
 
 #: The tiny crop has 32 pixels, where lengths are for 512.
@@ -22,7 +23,7 @@ HIGHLIGHT = 0.08
 @pytest.fixture(scope="module")
 def problem() -> Problem:
     """A face that is all skin."""
-    regions = np.zeros((SIZE, SIZE, 4), np.float32)
+    regions = np.zeros((SIZE, SIZE, len(REGIONS)), np.float32)
     regions[..., 0] = 1
     return tiny_run.problem(regions=regions)
 

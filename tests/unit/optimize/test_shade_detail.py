@@ -23,7 +23,7 @@ SPOT = -0.5
 
 def problem_of(image: np.ndarray, feature: int = 0) -> Problem:
     """feature: the region that all of the face is taken for."""
-    regions = np.zeros((SIZE, SIZE, 4), np.float32)
+    regions = np.zeros((SIZE, SIZE, 5), np.float32)
     regions[..., feature] = 1
     return tiny_run.problem(regions=regions, image=image.astype(np.float32))
 

@@ -6,9 +6,10 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial import KDTree
 
 from changed import changed
-from small_head import CENTRE, EYE_COLOUR, SKIN_TRIANGLES, small_head
+from small_head import CENTRE, EYE_COLOUR, SKIN_TRIANGLES, grid_ball, small_head
 from unlit.color import encode_srgb
 from unlit.face.conditions import Shadow
+from unlit.face.face import PosedMesh
 from unlit.face.reconstruction import Reconstruction
 from unlit.machine.runtime import mitsuba
 from unlit.output.atlas import BLENDED, DIFFUSED, MIRRORED, PLAIN, SEEN, Atlas, bake
@@ -260,6 +261,50 @@ def test_closed_eyes_are_plain():
     ball = slice(int(0.8 * SIZE), int(0.9 * SIZE)), slice(int(0.1 * SIZE), int(0.2 * SIZE))
     assert (atlas.confidence[ball] == PLAIN).all()
     assert np.ptp(atlas.diffuse_albedo[ball].reshape(-1, 3), axis=0).max() < 1e-6
+
+
+def bow(chart: tuple[float, float, float, float]) -> tuple[np.ndarray, ...]:
+    """A row of teeth made up: half a ring that is open to the back, as `grid_ball`."""
+    tube, triangles, uv, triangle_uv = grid_ball(15, 24, chart)
+    angle = 0.5 * np.pi * tube[:, 1]
+    row = np.stack([np.sin(angle), -0.3 * tube[:, 0], 1.5 * np.cos(angle)], axis=1)
+    row[:, [0, 2]] *= 1 + 0.1 * tube[:, 2:]
+    return 2 * row, triangles, uv, triangle_uv
+
+
+def test_teeth_take_the_mouth_and_a_hidden_row_those_of_the_other():
+    """One row before the face, taken for the open mouth, and one within the head."""
+    r = small_head(albedo=lambda point: np.full((len(point), 3), 0.3), bend=0)
+    mesh, tooth = r.face.mesh, np.array([0.6, 0.55, 0.4])
+    rows = bow((0.7, 0.05, 0.82, 0.25)), bow((0.85, 0.05, 0.97, 0.25))
+    vertices, triangles, uv, triangle_uv = (
+        [array] for array in (mesh.vertices, mesh.triangles, mesh.uv, mesh.triangle_uv)
+    )
+    for row, place in zip(rows, ((0, -4, 9), (0, -4, 0)), strict=True):
+        triangles.append(row[1] + sum(map(len, vertices)))
+        triangle_uv.append(row[3] + sum(map(len, uv)))
+        vertices.append(row[0] + CENTRE + place)
+        uv.append(row[2])
+    kinds = ("f4", "i4", "f4", "i4")
+    joined = PosedMesh(
+        *(
+            np.concatenate(list_).astype(kind)
+            for list_, kind in zip((vertices, triangles, uv, triangle_uv), kinds, strict=True)
+        )
+    )
+    hits = Mesh(joined.vertices, joined.triangles).camera_hits(r.face.camera)
+    row_pixels = hits.pixel.numpy()[hits.triangle.numpy() >= len(mesh.triangles)]
+    regions, colour = r.photo.regions.weights.copy(), r.face.maps.diffuse_albedo.copy()
+    regions.reshape(-1, 6)[row_pixels] = np.eye(6)[4]
+    colour.reshape(-1, 3)[row_pixels] = tooth
+    places = {"face.mesh": joined, "photo.regions.weights": regions}
+    atlas = bake(changed(r, places | {"face.maps.diffuse_albedo": colour}), SIZE)
+    inside = slice(int(0.78 * SIZE), int(0.92 * SIZE))
+    for left, level in ((0.72, SEEN), (0.87, DIFFUSED)):
+        chart = inside, slice(int(left * SIZE), int((left + 0.08) * SIZE))
+        assert (atlas.confidence[chart] == level).any()
+        np.testing.assert_allclose(atlas.diffuse_albedo[chart] - tooth, 0, atol=0.02)
+    np.testing.assert_allclose(atlas.diffuse_albedo[: int(0.6 * SIZE)], 0.3, atol=5e-3)
 
 
 def test_padding_has_no_seam(atlas):

@@ -81,7 +81,7 @@ def test_a_painted_mask_changes_the_regions(result):
     paint(folder / "mask.png", slice(14, 16), 0)
     again, files = edited(r, folder, 1)
     assert files == ["mask.png"]
-    face = again.photo.regions.weights[..., :4].sum(axis=-1)
+    face = again.photo.regions.weights[..., :5].sum(axis=-1)
     np.testing.assert_allclose(face[:10], 1)
     np.testing.assert_allclose(face[14:16], 0)
     np.testing.assert_array_equal(again.photo.regions.weights[16:], r.photo.regions.weights[16:])

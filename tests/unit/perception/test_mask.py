@@ -59,10 +59,10 @@ def test_painted_regions():
     face = regions.face.copy()
     face[0, 0], face[0, 1], face[1, 1] = 0.4, 1.0, 0.6
     found = painted(regions, face).weights.reshape(4, 6)
-    np.testing.assert_allclose(found[0], [0.25, 0.15, 0, 0, 0.1, 0.5], atol=1e-6)
-    np.testing.assert_allclose(found[1], [0.7, 0.3, 0, 0, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(found[0], np.array([2, 1.2, 0, 0, 0.4, 5.4]) / 9, atol=1e-6)
+    np.testing.assert_allclose(found[1], [0.6, 0.3, 0, 0, 0.1, 0], atol=1e-6)
     np.testing.assert_array_equal(found[2], rows[2])
-    np.testing.assert_allclose(found[3], [0.6, 0, 0, 0, 0.4, 0], atol=1e-6)
+    np.testing.assert_allclose(found[3], [0, 0, 0, 0, 0.6, 0.4], atol=1e-6)
 
 
 def test_the_mask_follows_the_crop(monkeypatch):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drawn_face import drawn_face, drawn_landmarks, inside
-from unlit.perception.mouth import mouth_opening, relative_gap
+from unlit.perception.mouth import mouth_opening, relative_gap, teeth
 from unlit.perception.topology import LIPS_INNER
 
 #: The dark is no less red than the lips.
@@ -46,3 +46,15 @@ def test_parted_landmarks_on_plain_lips_are_closed() -> None:
     assert opened(0.2, None) == 0
     assert opened(0.45, None) == 1
     assert 0 < opened(0.35, None) < 1
+
+
+def test_teeth_are_told_from_the_dark_and_from_lips() -> None:
+    """Half an open mouth has teeth, half is dark; of a mouth full of lip nothing is teeth."""
+    landmarks = drawn_landmarks(0.3)
+    image = drawn_face(landmarks)
+    mouth = inside(LIPS_INNER, landmarks)
+    assert teeth(image, landmarks, mouth.astype(float)).sum() < 0.05 * mouth.sum()
+    left = mouth & (np.arange(len(image)) < len(image) / 2)
+    image[mouth], image[left] = DARK, TEETH
+    np.testing.assert_array_equal(teeth(image, landmarks, mouth.astype(float)), left)
+    assert not teeth(image, landmarks, 0.0 * mouth).any()

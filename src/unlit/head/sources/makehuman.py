@@ -34,7 +34,7 @@ from . import makehuman_parts as parts
 from .makehuman_files import TARGETS, UNITS, Files
 
 ASSET = "makehuman-head"
-BUILDER_VERSION = 4
+BUILDER_VERSION = 6
 
 _LOCAL = ("asym", "cheek", "chin", "ears", "eyebrows", "eyes", "forehead", "head", "mouth", "neck")
 _LOCAL += ("nose",)
@@ -59,7 +59,7 @@ _MACRO_DEVIATIONS |= {"proportions": 0.3, "gender-age": 0.3}
 # One factor on every standard deviation.
 _SCALE = 0.7
 # Weight per area of the basis' inner product outside the face: what the photo shows less of.
-_REGION_WEIGHTS = {"mouth": 0.0, "scalp": 0.1, "neck": 0.1, "ears": 0.2}
+_REGION_WEIGHTS = {"mouth": 0.0, "teeth": 0.0, "scalp": 0.1, "neck": 0.1, "ears": 0.2}
 
 
 def cached_model() -> HeadModel:
@@ -139,6 +139,11 @@ class _Builder:
             uv.append(ball_uv * (u1 - u0, v1 - v0) + (u0, v0))
             vertex_count += len(directions)
             uv_count += len(directions)
+        # Last: landmarks and displacements, learnt on the head without it, keep their places.
+        self.mouth = parts.Mouth(source)
+        triangles.append(triangulate(self.mouth.quads) + vertex_count)
+        triangle_uv.append(triangulate(self.mouth.quad_uv) + uv_count)
+        uv.append(self.mouth.uv)
         self.triangles = np.concatenate(triangles).astype(np.int32)
         self.triangle_uv = np.concatenate(triangle_uv).astype(np.int32)
         self.uv = np.concatenate(uv).astype(np.float32)
@@ -163,9 +168,12 @@ class _Builder:
             neutral = neutral + np.tensordot(prior.mean, axes, axes=1)
             identity = np.tensordot(prior.components, axes, axes=1)
         if displacement is not None:
-            normals = vertex_normals(neutral, self.triangles)
-            neutral = neutral + displacement.mean[:, None] * normals
-            identity = np.concatenate([identity, displacement.components[..., None] * normals])
+            learnt_on = slice(len(displacement.mean))  # all but the mouth's own pieces
+            normals = vertex_normals(neutral, self.triangles)[learnt_on]
+            neutral[learnt_on] += displacement.mean[:, None] * normals
+            finer = np.zeros((len(displacement.components), *neutral.shape))
+            finer[:, learnt_on] = displacement.components[..., None] * normals
+            identity = np.concatenate([identity, finer])
         expression, names = self._expressions(base)
         expression = self._blinks_that_close(neutral, expression * scale, names, landmarks)
         rim = even_rim(self.triangles, len(neutral))  # of the neck
@@ -194,7 +202,8 @@ class _Builder:
         """Model vertices of base mesh positions, or of a displacement of them."""
         coarse = base if displacement is None else displacement
         skin = self.refining @ coarse[self.kept_vertices]
-        return np.concatenate([skin, *(ball.moved(base, displacement) for ball in self.eyeballs)])
+        balls = [ball.moved(base, displacement) for ball in self.eyeballs]
+        return np.concatenate([skin, *balls, self.mouth.refined(coarse)])
 
     def _macro(self, name: str) -> np.ndarray:
         return self.source.target(f"{TARGETS}macrodetails/{name}")
@@ -215,14 +224,16 @@ class _Builder:
         return (1 - _OLD) * people["young"] + _OLD * people["old"]
 
     def _expressions(self, base: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
-        """The face units that move the face; the tongue's does not, as the head has no tongue.
+        """The face units that move the face; the tongue's own does not, and no landmark tells it.
 
-        The eyeballs stay where they are, a ball being a ball turned.
+        Lower teeth and tongue follow the jaw's units. The eyeballs stay where they are, a ball
+        being a ball turned.
         """
         names = self.source.names(UNITS)
         units = np.stack([self._refine(base, self.source.target(UNITS + n)) for n in names])
-        units[:, len(self.uv_of_vertex) :] = 0
-        moving = np.abs(units).max(axis=(1, 2)) > 0
+        skin = len(self.uv_of_vertex)
+        units[:, skin : units.shape[1] - len(self.mouth)] = 0
+        moving = np.abs(units[:, :skin]).max(axis=(1, 2)) > 0
         return units[moving], tuple(np.array(names)[moving].tolist())
 
     def _blinks_that_close(
@@ -305,6 +316,9 @@ class _Builder:
         face = self.source.mask("face", uv) > 0.5
         region[:count][skin] = code["skin"]
         region[:count][self.island_of_vertex == parts.MOUTH] = code["mouth"]
+        region[len(neutral) - len(self.mouth) :] = np.where(
+            self.mouth.is_teeth, code["teeth"], code["mouth"]
+        )
         region[:count][self.island_of_vertex == parts.NECK] = code["neck"]
         # Behind the face: the neck is what lies below a plane that rises from the throat to the
         # nape by a quarter of the depth.

@@ -19,6 +19,9 @@ _LICENCE_FILE = _ROOT + "mpfb2/LICENSE.md"
 TARGETS = _ROOT + "mpfb2/targets/"
 UNITS = _ROOT + "faceunits01/targets/faceunits/"
 MASKS = _ROOT + "mpfb2/textures/mpfb_{}.jpg"
+#: Groups of the base mesh: the skin with all that lines it, and what stands in the mouth.
+BODY = "body"
+MOUTH_GROUPS = ("helper-upper-teeth", "helper-lower-teeth", "helper-tongue")
 _MAX_MEMBER_BYTES = 8 << 20
 
 
@@ -32,7 +35,13 @@ class Files:
         base = self.read(_BASE)
         if hashlib.sha256(base).hexdigest() != _BASE_SHA256:
             raise ValueError(f"{_BASE} is another version")
-        self.positions, self.uv, self.quads, self.quad_uv = parse_body(base.decode())
+        self.positions, self.uv, quads, quad_uv = parse_base(base.decode())
+        self.quads, self.quad_uv = quads[BODY], quad_uv[BODY]
+        #: Of teeth and tongue, which the base mesh has to fit finer ones to.
+        self.mouth_quads, self.mouth_quad_uv = (
+            np.concatenate([corners[group] for group in MOUTH_GROUPS])
+            for corners in (quads, quad_uv)
+        )
         mirrored = self.positions * [-1, 1, 1]
         self.mirror = KDTree(self.positions).query(mirrored)[1]
 
@@ -75,9 +84,16 @@ class Files:
         return values[row, column] / 255.0
 
 
-def parse_body(text: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, texture coordinates and the quads of the group 'body' of the base mesh."""
-    positions, uv, quads = [], [], []
+def parse_base(
+    text: str,
+) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Positions (V, 3), texture coordinates (T, 2), and the quads of the base mesh's groups.
+
+    By group: corners (Q, 4) into the positions, and into the texture coordinates, int64. Only BODY
+    and MOUTH_GROUPS are read.
+    """
+    positions, uv = [], []
+    quads: dict[str, list[list[str]]] = {group: [] for group in (BODY, *MOUTH_GROUPS)}
     group = ""
     for line in text.splitlines():
         kind, _, rest = line.partition(" ")
@@ -87,12 +103,15 @@ def parse_body(text: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarra
             uv.append(rest.split())
         elif kind == "g":
             group = rest.strip()
-        elif kind == "f" and group == "body":
-            quads.append(rest.replace("/", " ").split())
-    corners = np.array(quads, dtype=np.int64).reshape(-1, 4, 2) - 1
+        elif kind == "f" and group in quads:
+            quads[group].append(rest.replace("/", " ").split())
+    corners = {
+        group: np.array(lines, dtype=np.int64).reshape(-1, 4, 2) - 1
+        for group, lines in quads.items()
+    }
     return (
         np.array(positions, dtype=np.float64),
         np.array(uv, dtype=np.float64)[:, :2],
-        corners[..., 0],
-        corners[..., 1],
+        {group: both[..., 0] for group, both in corners.items()},
+        {group: both[..., 1] for group, both in corners.items()},
     )

@@ -1,14 +1,18 @@
-"""The parts of MakeHuman's body that make the head: islands of its texture, and the eyeballs."""
+"""The parts of MakeHuman's base mesh that make the head.
+
+Islands of its texture, and three of its helpers: eyeballs, teeth with their gums, and tongue.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from ..subdivision import triangulate
+from ..subdivision import catmull_clark, triangulate
 from .makehuman_files import Files
 
 # Islands of the base mesh's texture atlas, by a rectangle (u0, v0, u1, v1) of it that holds the
@@ -28,9 +32,21 @@ _NECK_LOWEST, _NECK_HALF_WIDTH = 5.8, 0.72
 _PLACES = (
     (0.004, 0.264, 0.996, 0.996),
     (0.004, 0.004, 0.324, 0.244),
-    (0.34, 0.004, 0.52, 0.244),
-    (0.53, 0.004, 0.71, 0.244),
+    (0.34, 0.124, 0.43, 0.244),
+    (0.44, 0.124, 0.53, 0.244),
     (0.72, 0.004, 0.996, 0.114),
+)
+# The same of upper teeth, lower teeth and tongue, one after another in Files.mouth_quads.
+_MOUTH_ISLANDS = (
+    (0.678, 0.8755, 0.7385, 0.8978),
+    (0.678, 0.8978, 0.7385, 0.92),
+    (0.6229, 0.9294, 0.6478, 0.9841),
+)
+_TONGUE = 2
+_MOUTH_PLACES = (
+    (0.34, 0.004, 0.52, 0.114),
+    (0.53, 0.004, 0.71, 0.114),
+    (0.55, 0.124, 0.7, 0.244),
 )
 EYEBALL_PLACES = ((0.72, 0.124, 0.84, 0.244), (0.85, 0.124, 0.97, 0.244))
 EYEBALL_HELPERS = (slice(14670, 14742), slice(14598, 14670))  # right, left
@@ -62,13 +78,56 @@ def head_uv(uv: np.ndarray, island: np.ndarray) -> np.ndarray:
     placed = np.empty_like(uv)
     for index, (source, goal) in enumerate(zip(_ISLANDS, _PLACES, strict=True)):
         inside = island == index
-        low, high = np.array(source).reshape(2, 2)
-        unit = (uv[inside] - low) / (high - low)
+        unit = _within(source, uv[inside])
         if index == SKIN:  # lies on its side: u runs from the crown to the neck
             unit = np.stack([unit[:, 1], 1 - unit[:, 0]], axis=-1)
-        low, high = np.array(goal).reshape(2, 2)
-        placed[inside] = low + unit * (high - low)
+        placed[inside] = _placed(unit, goal)
     return placed
+
+
+def _within(box: Sequence[float], uv: np.ndarray) -> np.ndarray:
+    """uv (N, 2) in units of the box (u0, v0, u1, v1)."""
+    low, high = np.array(box).reshape(2, 2)
+    return np.asarray((uv - low) / (high - low))
+
+
+def _placed(unit: np.ndarray, box: Sequence[float]) -> np.ndarray:
+    """What `_within` undoes."""
+    low, high = np.array(box).reshape(2, 2)
+    return np.asarray(low + unit * (high - low))
+
+
+class Mouth:
+    """Teeth, gums and tongue, refined once: what stands in the mouth, and hangs on nothing.
+
+    quads: (Q, 4) into their own N vertices. quad_uv: (Q, 4) into uv (T, 2) float32 of the head's
+    atlas. is_teeth: (N,) bool, of both rows and their gums.
+    """
+
+    def __init__(self, source: Files) -> None:
+        self._coarse, quads = np.unique(source.mouth_quads, return_inverse=True)
+        self._refining, self.quads = catmull_clark(quads.reshape(-1, 4), len(self._coarse))
+        kept, quads = np.unique(source.mouth_quad_uv, return_inverse=True)
+        refining, self.quad_uv = catmull_clark(quads.reshape(-1, 4), len(kept), smooth=False)
+        uv = refining @ source.uv[kept]
+        self.uv = np.empty_like(uv, dtype=np.float32)
+        island = np.full(len(uv), -1)
+        for index, (box, goal) in enumerate(zip(_MOUTH_ISLANDS, _MOUTH_PLACES, strict=True)):
+            unit = _within(box, uv)
+            inside = ((unit >= 0) & (unit <= 1)).all(axis=1)
+            self.uv[inside] = _placed(unit[inside], goal)
+            island[inside] = index
+        if set(island) != set(range(len(_MOUTH_ISLANDS))):
+            raise ValueError("the base mesh has no teeth and tongue where they are expected")
+        self.is_teeth = np.zeros(len(self), dtype=bool)
+        self.is_teeth[self.quads] = island[self.quad_uv] != _TONGUE
+
+    def __len__(self) -> int:
+        return self._refining.shape[0]
+
+    def refined(self, coarse: np.ndarray) -> np.ndarray:
+        """Vertices (N, 3) of base mesh positions (or displacements) (V, 3)."""
+        return np.asarray(self._refining @ coarse[self._coarse])
 
 
 @dataclass(frozen=True)

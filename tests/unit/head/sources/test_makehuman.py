@@ -4,12 +4,10 @@ import time
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from unlit.errors import ModelError
 from unlit.head.basis import vertex_areas
-from unlit.head.contact import LOWER_RIM, UPPER_RIM
+from unlit.head.contact import LOWER_RIM, UPPER_RIM, pieces
 from unlit.head.model import LANDMARKS, VERTEX_REGIONS, HeadModel
 from unlit.head.sources import makehuman
 from unlit.head.sources.makehuman import inner_product_weights
@@ -45,17 +43,21 @@ def test_frame_and_anatomy(head):
 
 
 def test_triangles_face_outward(head):
-    """Signed volumes are positive for each eyeball, and the face's front looks to the front."""
-    edges = head.triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
-    count = len(head.neutral)
-    graph = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
-    pieces, piece = connected_components(graph, directed=False)
-    assert pieces == 3
+    """Signed volumes are positive, and the fronts of the face and of the teeth look to the front.
+
+    Rows of teeth are open behind the gums: they have no volume.
+    """
+    piece = pieces(head)
+    of_triangle = piece[head.triangles[:, 0]]
+    teeth = region(head, "teeth")[head.triangles[:, 0]]
+    assert piece.max() + 1 == 6 and len(np.unique(of_triangle[teeth])) == 2
     a, b, c = (head.neutral[head.triangles[:, i]].astype(float) for i in range(3))
     volume = np.einsum("fx,fx->f", a, np.cross(b, c)) / 6
-    volumes = np.bincount(piece[head.triangles[:, 0]], volume)
-    assert (volumes > 0).all()
+    volumes = np.bincount(of_triangle[~teeth], volume[~teeth], 6)
+    assert (volumes[np.unique(of_triangle[~teeth])] > 0).all()
     normal = np.cross(b - a, c - a)
+    front = teeth & (np.abs(a[:, 0]) < 1) & (a[:, 2] > a[teeth, 2].max() - 0.5)
+    assert normal[front, 2].mean() > 0
     nose = head.landmark_points.triangle[[4, 5, 195, 6, 151, 199]]
     assert (normal[nose, 2] > 0).all()
 
@@ -92,6 +94,23 @@ def test_regions(head):
         assert region(head, name).sum() > 50, name
     area = vertex_areas(head.neutral, head.triangles)
     assert 6 < area[region(head, "lips")].sum() < 25
+
+
+def test_teeth_and_tongue_stand_in_the_mouth(head):
+    """Below the nose and behind the lips; the jaw carries the lower row, the skull the upper."""
+    points = head.landmarks(head.neutral)
+    piece = pieces(head)
+    teeth = region(head, "teeth")
+    rows = [piece == number for number in np.unique(piece[teeth])]
+    lower, upper = sorted(rows, key=lambda row: head.neutral[row, 1].mean())
+    assert points[152, 1] < head.neutral[lower, 1].min()
+    assert head.neutral[upper, 1].max() < points[1, 1]
+    assert head.neutral[teeth, 2].max() < points[13, 2]
+    jaw = head.expression[head.expression_names.index("jawOpen")]
+    assert np.abs(jaw[upper]).max() == 0
+    assert jaw[lower, 1].max() < -0.5
+    moves = np.abs(head.identity[:, teeth]).max(axis=(1, 2))
+    assert moves.max() > 0.05  # a broad jaw has broad rows
 
 
 def test_every_unit_moves_something(head):
