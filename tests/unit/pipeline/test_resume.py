@@ -18,7 +18,7 @@ from unlit.pipeline.resume import check_resumable, resume
 from unlit.settings.detail import FineDetail
 
 #: The last stage is the end.
-PLAIN = FineDetail(relief=1.0, most=0.0)
+PLAIN = FineDetail(relief=1.0, most=0.0, highlight_most=0.0)
 
 
 @pytest.fixture(scope="module")
