@@ -13,13 +13,13 @@ from ..settings.settings import Settings
 from .landmarks import LandmarkProblem
 from .outline import Outline
 from .shading import ShadingProblem
-from .teeth import teeth_placed
+from .teeth import teeth_placed, without_teeth
 
 
 def fit_head(photo: FacePhoto, model: HeadModel, settings: Settings) -> FittedHead:
     """`model` fitted to the photo (paper, section 2.1). Raises FaceError."""
     closed = bool(photo.regions.mouth.max() < 0.5)
-    problem = landmark_problem(photo, model, settings)
+    problem = landmark_problem(photo, without_teeth(model), settings)
     with threadpool_limits(1, user_api="blas"):
         shading = ShadingProblem(problem, photo.image, photo.regions, settings.shading_fit)
         fit = shading.solve(problem.solve(closed), closed)

@@ -7,9 +7,14 @@ tongue stands in the opening. So an open mouth's rows are moved up or down until
 where the photo's pale pixels end, and forwards until they are as near to the lips as teeth are.
 Each row moves as a whole; what would then stand in a lip goes back behind it. The ends of a row may
 stand deep in the cheeks, where nobody sees them.
+
+The fit itself is one of the head without them: on its way lips may lie behind the teeth, which
+would hide skin that the photo shows.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -35,6 +40,27 @@ _LEANINGS = np.linspace(-0.6, 0.6, 13)  # cm a cm of height
 # Share of the columns that have to show teeth, or a lower row; the percentage of a row's points
 # that may meet the lips first, to be moved alone.
 _SEEN, _FIRST = 0.5, 30.0
+
+
+def without_teeth(model: HeadModel) -> HeadModel:
+    """The model without the triangles of what stands in its mouth and hangs on nothing.
+
+    The vertices stay, and move with the coefficients.
+    """
+    piece = pieces(model)
+    names = ("teeth", "mouth")
+    mouth = np.isin(model.vertex_region, [VERTEX_REGIONS.index(name) for name in names])
+    apart = mouth & (piece != np.bincount(piece).argmax())
+    kept = ~apart[model.triangles].all(axis=1)
+    points = model.landmark_points
+    number = np.where(kept, np.cumsum(kept) - 1, -1)
+    carriers = np.where(points.triangle >= 0, number[points.triangle], -1).astype(np.int32)
+    return replace(
+        model,
+        triangles=model.triangles[kept],
+        triangle_uv=model.triangle_uv[kept],
+        landmark_points=replace(points, triangle=carriers),
+    )
 
 
 def teeth_placed(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from unlit.fit.state import State
-from unlit.fit.teeth import _room, teeth_placed
+from unlit.fit.teeth import _room, teeth_placed, without_teeth
 from unlit.head.contact import pieces
 from unlit.head.model import VERTEX_REGIONS, HeadModel
 from unlit.scene.camera import Camera
@@ -59,6 +59,14 @@ def shown(state: State, shape: np.ndarray, head: HeadModel, edge: float) -> np.n
     seen = np.zeros((512, 512), dtype=bool)
     seen[y0:y1, x0:x1] = True
     return seen
+
+
+def test_the_head_that_is_fitted_has_no_teeth(head: HeadModel) -> None:
+    """Its triangles are those of skin and eyeballs, its landmarks where they were."""
+    bare = without_teeth(head)
+    assert len(np.unique(pieces(bare)[bare.triangles[:, 0]])) == 3
+    np.testing.assert_array_equal(bare.landmarks(head.neutral), head.landmarks(head.neutral))
+    np.testing.assert_array_equal(without_teeth(bare).triangles, bare.triangles)
 
 
 def test_the_upper_row_ends_where_the_photo_shows_its_end(
