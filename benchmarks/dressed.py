@@ -44,6 +44,7 @@ HAIR = {
 }
 #: Of the default head model's regions (head/model.py), what each is here.
 _OF_REGION = {"scalp": "skin", "neck": "skin", "ears": "skin", "eyebrows": "skin"}
+_OF_REGION |= {"teeth": "mouth"}
 #: The same of strands.
 _OF_STRANDS = {"stubble": "skin"}
 
@@ -335,6 +336,7 @@ def _painted(head: Head, look: Look, seed: int) -> np.ndarray:
     lips = head.within("lips")
     colour[lips] = np.array(look.lips) * np.exp(0.1 * (noise(v, 0.7, rng)[lips] - 0.5))[:, None]
     colour[head.within("mouth")] = (0.35, 0.1, 0.09)
+    colour[head.within("teeth")] = (0.5, 0.46, 0.4)
     eyes = head.within("eyes")
     for side in (-1, 1):
         ball = eyes & (np.sign(v[:, 0]) == side)

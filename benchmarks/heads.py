@@ -34,8 +34,8 @@ class Head:
         return np.isin(self.region, [VERTEX_REGIONS.index(name) for name in regions])
 
     def outer(self) -> np.ndarray:
-        """(V,) bool: the vertices of the surface that clothes touch, without eyes and mouth."""
-        return ~self.within("eyes", "mouth")
+        """(V,) bool: of the surface that clothes touch: without eyes, mouth and teeth."""
+        return ~self.within("eyes", "mouth", "teeth")
 
     def point(self, *landmarks: int) -> np.ndarray:
         """Mean (3,) of some landmarks."""

@@ -15,6 +15,7 @@ from unlit.conditions.sun_search import Surface
 from unlit.face.gain import AlbedoGain
 from unlit.optimize.observation import Observation
 from unlit.optimize.problem import Problem
+from unlit.perception.regions import REGIONS
 from unlit.progress.callbacks import silent
 from unlit.scene.surface_points import SurfacePoints
 from unlit.settings.settings import PRESETS
@@ -41,7 +42,7 @@ def sun_head(size: int, sun: np.ndarray = SUN, brim: float | None = None) -> Sun
     """brim: rows above this share of the image lie in shade, too. Noise of 1 %."""
     vertices, triangles = bumpy_head(4)
     everywhere = np.ones((size, size), bool)
-    plain = np.zeros((size, size, 4), np.float32)
+    plain = np.zeros((size, size, len(REGIONS)), np.float32)
     plain[..., 0] = 1
 
     def seen(image: np.ndarray) -> Observation:
