@@ -21,6 +21,7 @@ import numpy as np
 from ..head.contact import pieces
 from ..head.model import VERTEX_REGIONS, HeadModel
 from ..machine.runtime import mitsuba
+from ..perception.topology import LIPS_INNER
 from ..scene.arrays import device
 from ..scene.camera import Camera
 from ..scene.mesh import Mesh
@@ -35,11 +36,11 @@ mi = mitsuba()
 _PAST = 0.2
 _MIDDLE, _COLUMN, _GAP = 1.5, 0.15, 0.25
 _FARTHEST_DOWN, _FARTHEST_UP, _FARTHEST_ALONG = 2.0, 0.5, 0.8
-_CLEARANCE = 0.05
+_CLEARANCE = 0.1
 _LEANINGS = np.linspace(-0.6, 0.6, 13)  # cm a cm of height
 # Share of the columns that have to show teeth, or a lower row; the percentage of a row's points
 # that may meet the lips first, to be moved alone.
-_SEEN, _FIRST = 0.5, 30.0
+_SEEN, _FIRST = 0.5, 10.0
 
 
 def without_teeth(model: HeadModel) -> HeadModel:
@@ -82,6 +83,9 @@ def teeth_placed(
     moved = vertices.copy()
     skin = model.triangles[piece[model.triangles[:, 0]] == np.bincount(piece).argmax()]
     flesh = Mesh(shape.astype(np.float32), skin)
+    # Nothing holds back what stands in the opening: the lips' rims do.
+    rims = model.landmarks(shape)[[LIPS_INNER[5], LIPS_INNER[15]], 2]
+    limit = float(np.nanmax(rims)) - _CLEARANCE if np.isfinite(rims).any() else np.inf
     edges = _edges(_on_plane(teeth, state, camera, shape[upper, 2].max()))
     ends = (np.min, np.max)
     for row, edge, end in zip((upper, lower), edges, ends, strict=True):
@@ -91,17 +95,18 @@ def teeth_placed(
             past = _PAST if row is lower else -_PAST
             rise = edge + past - end(points[middle, 1])
             points[:, 1] += np.clip(rise, -_FARTHEST_DOWN, _FARTHEST_UP)
-            points = _against_lips(flesh, points, middle)
+            points = _against_lips(flesh, points, middle, limit)
         room = _room(flesh, points)
         points[:, 2] += np.where(room > -_FARTHEST_ALONG, np.minimum(room, 0), 0)
         moved[row] = state.placed(points)
     return moved
 
 
-def _against_lips(flesh: Mesh, points: np.ndarray, middle: np.ndarray) -> np.ndarray:
+def _against_lips(flesh: Mesh, points: np.ndarray, middle: np.ndarray, limit: float) -> np.ndarray:
     """`points` (N, 3) of a row, moved forwards and leant until its `middle` (N,) is at the lips.
 
-    Of the leanings, shears along z, the one that brings the row farthest forwards.
+    Of the leanings, shears along z, the one that brings the row farthest forwards. limit: z, cm,
+    that the row's front stays behind.
     """
     front = middle & (points[:, 2] > points[:, 2].max() - _MIDDLE)
     height = points[:, 1] - points[front, 1].mean()
@@ -111,7 +116,8 @@ def _against_lips(flesh: Mesh, points: np.ndarray, middle: np.ndarray) -> np.nda
         room = _room(flesh, leant)[front]
         room = room[np.isfinite(room) & (room > -_FARTHEST_ALONG)]
         if len(room):
-            along = np.clip(np.percentile(room, _FIRST), -_FARTHEST_ALONG, _FARTHEST_ALONG)
+            along = min(float(np.percentile(room, _FIRST)), limit - leant[front, 2].max())
+            along = np.clip(along, -_FARTHEST_ALONG, _FARTHEST_ALONG)
             if along > farthest:
                 found, farthest = leant + along * np.array([0, 0, 1]), along
     return found

@@ -83,7 +83,7 @@ def test_the_upper_row_ends_where_the_photo_shows_its_end(
     middle = upper & (np.abs(shape[:, 0]) < 1.5)
     assert placed[middle, 1].min() == pytest.approx(edge - 0.2, abs=0.08)
     assert shape[middle, 1].min() > edge + 0.2
-    assert placed[middle, 2].max() > shape[middle, 2].max() - 0.5
+    assert lips[13, 2] - 1.5 < placed[middle, 2].max() < max(lips[13, 2], lips[14, 2])
     assert clear_of_lips(head, placed, rows)
 
 
