@@ -4,7 +4,7 @@ How deep teeth stand behind the lips is known to some millimetres only, and so i
 where it is dim, stages 2 to 5 carry the lips' colour on into the mouth. But no smoothness holds
 between lips and teeth, and most of what is seen in a mouth is teeth's own. So there the albedo is
 
-    rho_d = (I - rho_s S) / max(mean E, the dimmest light that is told from the dark)
+    rho_d = (I - rho_s S) / max(E, mean E, the dimmest light that is told from the dark)
 
 up to that of a very white tooth: its hue is the photo's, as the hue of light that has met lips is
 no better known than how much of it there is.
@@ -36,7 +36,9 @@ def with_mouth(
     share = problem.regions[:, REGIONS.index("mouth")]
     if not share.any():
         return albedo
-    level = local_mean(problem, e.mean(axis=1), share, _LENGTH)
+    grey = e.mean(axis=1)
+    # Where the mesh's lips stand before the photo's teeth there is more light than around.
+    level = np.maximum(grey, local_mean(problem, grey, share, _LENGTH))
     body = body_of(problem.rows(problem.observation.image), gloss)
     own = body / np.maximum(level, _DIMMEST)[:, None]
     own *= np.minimum(1, _PALEST / np.maximum(own.max(axis=1, keepdims=True), 1e-6))

@@ -44,3 +44,13 @@ def test_the_dark_is_not_amplified_and_a_glare_stays_a_tooth() -> None:
 def test_a_closed_mouth_keeps_its_bits() -> None:
     problem, found = opened(0.5, share=0.0)
     np.testing.assert_array_equal(found, np.tile(LIP, (len(problem), 1)))
+
+
+def test_a_lip_of_the_mesh_before_the_teeth_makes_no_bright_rim() -> None:
+    """Half of the mouth is lit twice as well as the other: there the photo is met exactly."""
+    problem, _ = opened(0.4)
+    lips = np.tile(LIP, (len(problem), 1))
+    light = np.where(problem.pixel % SIZE > SIZE // 2, 0.8, 0.4)[:, None] * np.ones((1, 3))
+    found = with_mouth(problem, lips, 0 * lips, light.astype(np.float32))
+    rendered = (found * light)[light[:, 0] > 0.5]
+    np.testing.assert_allclose(rendered, np.broadcast_to(0.4 * TOOTH, rendered.shape), rtol=0.02)

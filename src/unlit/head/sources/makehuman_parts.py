@@ -107,6 +107,7 @@ class Mouth:
     def __init__(self, source: Files) -> None:
         self._coarse, quads = np.unique(source.mouth_quads, return_inverse=True)
         self._refining, self.quads = catmull_clark(quads.reshape(-1, 4), len(self._coarse))
+        self._count = int(self.quads.max()) + 1
         kept, quads = np.unique(source.mouth_quad_uv, return_inverse=True)
         refining, self.quad_uv = catmull_clark(quads.reshape(-1, 4), len(kept), smooth=False)
         uv = refining @ source.uv[kept]
@@ -123,7 +124,7 @@ class Mouth:
         self.is_teeth[self.quads] = island[self.quad_uv] != _TONGUE
 
     def __len__(self) -> int:
-        return self._refining.shape[0]
+        return self._count
 
     def refined(self, coarse: np.ndarray) -> np.ndarray:
         """Vertices (N, 3) of base mesh positions (or displacements) (V, 3)."""
