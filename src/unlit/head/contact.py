@@ -9,10 +9,9 @@ brought together, and the flesh around them follows with a smooth falloff.
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from ..perception.topology import LIPS_INNER
+from ..scene.components import components
 from .model import HeadModel
 
 # The landmarker's points in the middle of the irises, right and left.
@@ -33,10 +32,7 @@ _SAMPLES = 60
 
 def pieces(model: HeadModel) -> np.ndarray:
     """Number of the connected piece of the mesh that each vertex belongs to, (V,)."""
-    edges = model.triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
-    count = len(model.neutral)
-    graph = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1])
+    return components(model.triangles, len(model.neutral))
 
 
 def eyeballs(model: HeadModel) -> list[np.ndarray]:

@@ -41,7 +41,6 @@ _LLVM_REMEDY = (
 
 # Run by another process: a libLLVM that Dr.Jit cannot use may abort instead of raising.
 _PROBE = """
-import importlib.util
 import json
 from unlit.machine.runtime import mitsuba
 mi = mitsuba()

@@ -33,7 +33,7 @@ from scipy import ndimage
 from ..face.reconstruction import Reconstruction
 from .eyeballs import borrowed
 from .geometry import Welded, welded
-from .parts import EYES, SKIN, mirror_axis, parts
+from .parts import SKIN, mirror_axis, parts, parts_of_corners
 from .photo_samples import CHANNELS, HEIGHT, LOGS, PhotoSamples, Points
 from .scalp import hair_of
 from .texels import centimetres_per_texel, texels_of
@@ -142,8 +142,7 @@ def bake(reconstruction: Reconstruction, size: int, scalp: str = "skin") -> Atla
 
 def _looked_at(photo: PhotoSamples, mesh: Welded, part: np.ndarray) -> tuple[Welded, np.ndarray]:
     """The mesh with an unseen eyeball moved onto the other one, and its triangles (F,) bool."""
-    kind = np.full(len(mesh.vertex), SKIN, dtype=np.uint8)
-    kind[np.unique(mesh.triangles[part == EYES])] = EYES
+    kind = parts_of_corners(mesh.triangles, part, len(mesh.vertex))
     seen = photo.at(Points(mesh.position, mesh.normal, mesh.tangent, kind)).weight > 0
     position, moved = borrowed(mesh, part, seen)
     return replace(mesh, position=position), moved[mesh.triangles[:, 0]]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..scene.components import components
 from .geometry import Welded
-from .parts import EYES, components
+from .parts import EYES
 
 #: An eye of which less than this was seen, of the other's, is taken from the other.
 _LEAST = 0.25

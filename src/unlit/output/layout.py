@@ -21,7 +21,8 @@ from ..face.face import PosedMesh
 from ..face.head import FittedHead
 from ..face.reconstruction import Reconstruction
 from ..perception.topology import FACE_OVAL
-from .parts import EYES, INSIDE, SKIN, components, mirror_axis, parts
+from ..scene.components import components
+from .parts import EYES, INSIDE, SKIN, mirror_axis, parts
 
 LAYOUTS = ("face", "head")
 #: Texels a side.

@@ -12,11 +12,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from ..machine.runtime import mitsuba
+from ..scene.components import components
 
 SKIN, EYES, INSIDE, TEETH = range(4)
 #: Names of the parts, used for the materials of the files.
@@ -55,11 +54,15 @@ def parts(vertices: np.ndarray, triangles: np.ndarray, triangle_uv: np.ndarray) 
     return part
 
 
-def components(triangles: np.ndarray, count: int) -> np.ndarray:
-    """Number of the connected component of each of `count` vertices, (V,)."""
-    edges = triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
-    graph = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
+def parts_of_corners(triangles: np.ndarray, part: np.ndarray, count: int) -> np.ndarray:
+    """The part of each of `count` corners, (W,) uint8; INSIDE where no triangle has it.
+
+    triangles: (F, 3) into them. part: (F,).
+    """
+    found = np.full(count, INSIDE, dtype=np.uint8)
+    for one in (SKIN, EYES, TEETH):
+        found[np.unique(triangles[part == one])] = one
+    return found
 
 
 def mirror_axis(uv: np.ndarray, triangle_uv: np.ndarray) -> float | None:

@@ -8,6 +8,7 @@ mouth only, the lining of the mouth of it and of lips, skin of neither eyes nor 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,6 @@ from .texels import Texels
 #: Logarithms keep what is filled in positive.
 LOGS, HEIGHT, CHANNELS = slice(0, 5), 9, 10
 
-_LIP, _EYE, _MOUTH = 1, 2, 4  # channels of Regions.weights
 _DARKEST = 1e-3
 _STRAIGHTEST = 0.05  # least z of a tangent-space normal
 _TONE = 0.25  # cm, standard deviation of the blur of what vertices take
@@ -78,8 +78,10 @@ class PhotoSamples:
         self.point[pixel], self.normal[pixel] = at.numpy().T, normal.numpy().T
         shown = np.full(pixels, 255, dtype=np.uint8)
         shown[pixel] = part[hits.triangle.numpy()]
-        region = r.photo.regions.weights.reshape(pixels, -1)
-        lip, eye, mouth = (region[:, kind] > 0.5 for kind in (_LIP, _EYE, _MOUTH))
+        regions = r.photo.regions
+        lip, eye, mouth = (
+            share.ravel() > 0.5 for share in (regions.lips, regions.eyes, regions.mouth)
+        )
         fits = {SKIN: ~(eye | mouth), EYES: eye, INSIDE: lip | mouth, TEETH: mouth}
         self.shows = np.stack([(shown == kind) & fits[kind] for kind in fits], axis=1)
         measured = r.face.mask > 0
@@ -99,6 +101,7 @@ class PhotoSamples:
         channels = np.dstack([logs, *bends, self.displacement, *extra])
         self.maps = channels.reshape(pixels, -1)
 
+    @cached_property
     def toned(self) -> np.ndarray:
         """The maps (pixels, C) without what is too fine for the mesh's vertices.
 
@@ -131,7 +134,7 @@ class PhotoSamples:
 
     def spread(self) -> np.ndarray:
         """Standard deviations (CHANNELS,) of the skin's fine structure, robust; inf where none."""
-        tone = self.toned()
+        tone = self.toned
         good = self.shows[:, SKIN] & (self.maps[:, -2] > 0.99) & (self.maps[:, -1] < 0.01)
         out = np.full(CHANNELS, np.inf, dtype=np.float32)
         if good.any():

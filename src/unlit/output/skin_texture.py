@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from ..color import luminance
+
 #: Side of a patch and of the noise's period, cm; patches at most.
 _PATCH, _PERIOD, _PATCHES = 1.5, 12.0, 6
 #: Standard deviation of the blur that tells texture from tone, cm.
@@ -24,7 +26,6 @@ _GOOD, _SURE = 0.97, 0.99
 #: Standard deviation of a normal distribution over the median of its absolute values.
 _NORMAL = 1.48
 _SEED = 20
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 _FINER = 2  # samples of the noise for each pixel of the crop, so that look-ups need no filter
 
 
@@ -105,7 +106,7 @@ def _detail(channels: np.ndarray, evidence: np.ndarray, blur: float) -> np.ndarr
     share = ndimage.gaussian_filter(evidence, blur)[..., None]
     tone = ndimage.gaussian_filter(channels * evidence[..., None], (blur, blur, 0))
     detail = channels - tone / np.maximum(share, 1e-6)
-    bright = detail[..., :3] @ _LUMINANCE
+    bright = luminance(detail[..., :3])
     here = evidence > _SURE
     power = max(float(np.mean(bright[here] ** 2)), 1e-12)
     for k in range(3):

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from ..color import luminance
+from ..scene.components import components
 from .base_tone import BaseTone, Surface, base_tone
 from .evidence import ramp
 from .geometry import Welded
-from .parts import EYES, INSIDE, SKIN, TEETH
+from .parts import EYES, INSIDE, SKIN, TEETH, parts_of_corners
 from .photo_samples import LOGS, PhotoSamples, Points
 from .scalp import Hair
 from .texels import Texels
@@ -30,7 +30,6 @@ _MOLE, _MOTTLE = 2.0, 0.15
 #: Edges over which hair fades into skin, to either side.
 _HAIRLINE = 3
 _WHOLE = 0.999  # of three corners' mean: all of them
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 # Where nothing is known of a part: skin mid-grey, eyes the white of an eye, mouth dark red,
 # teeth of a usual shade.
 # Linear albedo, specular albedo, roughness; ours.
@@ -78,14 +77,12 @@ class VertexBase:
         vertex = mesh.vertex[mesh.triangles]
         count = int(mesh.vertex.max()) + 1
         first = np.unique(mesh.vertex, return_index=True)[1]  # a corner of each vertex
-        kind = np.full(len(mesh.vertex), INSIDE, dtype=np.uint8)
-        for one in (SKIN, EYES, TEETH):
-            kind[np.unique(mesh.triangles[part == one])] = one
+        kind = parts_of_corners(mesh.triangles, part, len(mesh.vertex))
         of_vertex = np.full(count, 255, dtype=np.uint8)
         np.minimum.at(of_vertex, mesh.vertex, kind)
         normal = mesh.normal[first]
         points = Points(mesh.position[first], normal, mesh.tangent[first], of_vertex)
-        found = photo.at(points, photo.toned())
+        found = photo.at(points, photo.toned)
         surface = Surface.of(mesh.position[first], vertex[part != INSIDE])
 
         # Tone is that of skin alone: features, and what is far from typical, do not spread.
@@ -102,7 +99,7 @@ class VertexBase:
             )
         skin = of_vertex == SKIN
         evidence = weight.copy()
-        unlike = (values[:, :3] - typical[:, :3]) @ _LUMINANCE
+        unlike = luminance(values[:, :3] - typical[:, :3])
         weight[skin] /= 1 + (unlike[skin] / _UNLIKE) ** 2
 
         twin, has = _twins(mesh, first, skin, axis)
@@ -120,7 +117,7 @@ class VertexBase:
             field = field.copy()
             field[:, :3] += share * (np.log(hair.albedo) - field[:, :3])
             has &= ~covered
-        spot = np.abs((values[:, :3] - tone.field[:, :3]) @ _LUMINANCE)
+        spot = np.abs(luminance(values[:, :3] - tone.field[:, :3]))
         like = np.where(found.weight > 0, 1 - ramp(spot, *_SPOT), 0)
         known = _known(vertex[part != INSIDE], weight > 0, of_vertex, count)
         return VertexBase(
@@ -171,9 +168,7 @@ def _twins(
 
 def _known(triangles: np.ndarray, seen: np.ndarray, kind: np.ndarray, count: int) -> np.ndarray:
     """(V,) bool: skin, and teeth, if any of them were seen; eyeballs each by itself."""
-    edges = triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
-    graph = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
-    piece = connected_components(graph, directed=False)[1]
+    piece = components(triangles, count)
     reached = np.isin(piece, piece[seen])
     known = reached & (kind == EYES)
     for whole in (SKIN, TEETH):

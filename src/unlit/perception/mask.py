@@ -9,7 +9,7 @@ import numpy as np
 from ..color import encode_srgb
 from ..errors import FaceError, PhotoError
 from ..photo.photo import Photo, read_photo
-from .regions import Regions
+from .regions import REGIONS, Regions
 
 
 def read_mask(mask: str | Path | np.ndarray, photo: Photo) -> np.ndarray:
@@ -48,8 +48,9 @@ def painted(regions: Regions, face: np.ndarray) -> Regions:
     other = face != was
     old, new = was[other], face[other]
     rows = weights[other]
-    rows[:, :5] *= np.minimum(new / np.maximum(old, 1e-6), 1)[:, None]
+    parts = len(REGIONS)
+    rows[:, :parts] *= np.minimum(new / np.maximum(old, 1e-6), 1)[:, None]
     rows[:, 0] += np.maximum(new - old, 0)
-    rows[:, 5] = np.maximum(1 - rows[:, :5].sum(axis=1), 0)
+    rows[:, parts] = np.maximum(1 - rows[:, :parts].sum(axis=1), 0)
     weights[other] = rows
     return Regions(weights, regions.shares)
