@@ -36,6 +36,7 @@ from unlit.scene.surface_points import SurfacePoints
 from unlit.settings.conditions import CastShadow
 from unlit.settings.settings import Settings, override
 from unlit.settings.sun import SunSearch
+from unlit.settings.tint import TintSearch
 from unlit.storage.identity import Identity
 
 SIZE = 32
@@ -52,6 +53,7 @@ def settings(**changes: object) -> Settings:
         retrace_distance=0.001,
         cast_shadow=CastShadow(mode="keep"),
         sun=SunSearch(mode="never"),
+        tint=TintSearch(mode="never"),
     )
     stages = {f"stage{k}": replace(getattr(short, f"stage{k}"), iterations=5) for k in range(1, 6)}
     return override(replace(short, **stages), changes)

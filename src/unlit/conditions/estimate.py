@@ -1,4 +1,4 @@
-"""The conditions of a photo: its sun, its light's colour, and what else casts a shadow."""
+"""The conditions of a photo: its sun, its light's colour, shadows of something else, its tint."""
 
 from __future__ import annotations
 
@@ -19,9 +19,11 @@ from ..progress.callbacks import silent
 from ..settings.settings import Settings
 from . import illuminant
 from .cast_shadow import cast_shadow
+from .halves import across
 from .light_color import estimated_color
 from .sun_search import SIZE, Surface, find_sun
 from .sun_shadow import sun_shadow
+from .tint import tint
 
 
 def estimate_conditions(
@@ -34,11 +36,14 @@ def estimate_conditions(
     white = np.full(3, illuminant.white_level(source), np.float32)
     sun = _sun(photo, head, settings)
     conditions = _light_color(photo, head, source, settings, Conditions(white, shadow=sun))
-    if sun is not None or settings.cast_shadow.mode == "keep":
+    if sun is None and settings.cast_shadow.mode != "keep":
+        seen = observation(photo, head, conditions)
+        above_nose = above(photo.landmarks[:, :2], len(photo.image), NOSE_BASE)
+        conditions = replace(conditions, shadow=cast_shadow(seen, above_nose, settings))
+    if settings.tint.mode == "never":
         return conditions
     seen = observation(photo, head, conditions)
-    above_nose = above(photo.landmarks[:, :2], len(photo.image), NOSE_BASE)
-    return replace(conditions, shadow=cast_shadow(seen, above_nose, settings))
+    return replace(conditions, tint=tint(seen, across(photo.landmarks), settings))
 
 
 def _sun(photo: FacePhoto, head: FittedHead, settings: Settings) -> Shadow | None:

@@ -48,17 +48,26 @@ class Shadow:
 class Conditions:
     """light_color: (3,) float32 linear sRGB, > 0, what white in full light has in the photo: below
     1 where the photo is dim. light_estimate: None where the colour was not estimated. shadow: None
-    where none was found.
+    where none was found. tint: (S, S, 3) float32 > 0, what the photo is of what light of
+    one colour would make it (conditions/tint.py); None where it is even.
     """
 
     light_color: np.ndarray = field(default_factory=WHITE.copy)
     light_estimate: LightEstimate | None = None
     shadow: Shadow | None = None
+    tint: np.ndarray | None = None
 
     __repr__ = short_repr
 
     def balanced(self, image: np.ndarray) -> np.ndarray:
         """`image` (S, S, 3), linear sRGB, as it would be under white light without the shadow."""
-        if self.shadow is not None:
-            image = image / self.shadow.remaining
+        remaining = self.remaining()
+        if remaining is not None:
+            image = image / remaining
         return image if is_white(self.light_color) else image / self.light_color
+
+    def remaining(self) -> np.ndarray | None:
+        """(S, S, 3) float32 > 0, what shadow and tint leave of white light; None: all."""
+        if self.shadow is None:
+            return self.tint
+        return self.shadow.remaining if self.tint is None else self.shadow.remaining * self.tint

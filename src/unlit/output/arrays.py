@@ -43,9 +43,10 @@ _ARRAYS = {
     "shadow_remaining": ("conditions.shadow.remaining", _COLOUR),
     "shadow_trust": ("conditions.shadow.trust", _SCALAR),
     "sun": ("conditions.shadow.sun", Kind((3,))),
+    "tint": ("conditions.tint", _COLOUR),
 }
-#: Only in results that the parser was asked for, with a shadow, with a sun.
-_OPTIONAL = ("shares", "shadow_visibility", "shadow_remaining", "shadow_trust", "sun")
+#: Only in results that the parser was asked for, with a shadow, with a sun, with a tint.
+_OPTIONAL = ("shares", "shadow_visibility", "shadow_remaining", "shadow_trust", "sun", "tint")
 #: What indexes into arrays of which size, and the lowest index: -1 where the mesh has no landmark.
 _INDEXED = {"triangles": ("V", 0), "triangle_uv": ("T", 0), "fit_landmark_triangle": ("F", -1)}
 _AGAIN = "reconstruct the photo again"

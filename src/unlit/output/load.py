@@ -65,7 +65,7 @@ def load(folder: str | Path) -> Reconstruction:
             kept.landmark_residual,
             kept.head_model,
         ),
-        Conditions(color, kept.light_color, _shadow_of(arrays)),
+        Conditions(color, kept.light_color, _shadow_of(arrays), arrays.get("tint")),
         Face(
             file.camera,
             mesh,

@@ -116,9 +116,10 @@ def _shade(
 
 
 def _images(conditions: Conditions, maps: Maps, e: np.ndarray, s: np.ndarray) -> Images:
-    """In the light's colour, with the shadow."""
-    remaining = 1 if conditions.shadow is None else conditions.shadow.remaining
-    e, s = (x * conditions.light_color * remaining for x in (e, s))
+    """In the light's colour, with the shadow and the tint."""
+    remaining = conditions.remaining()
+    color = conditions.light_color if remaining is None else conditions.light_color * remaining
+    e, s = (x * color for x in (e, s))
     return Images(e, s, maps.diffuse_albedo * e + maps.specular_albedo[..., None] * s)
 
 

@@ -26,7 +26,7 @@ _LEAST_LIGHT = 1e-8
 #: the result's shading goes with them.
 _KEPT = (
     *("resolution", "head_model", "landmark_fit", "outline_fit", "shading_fit", "light_color"),
-    *("light_color_estimate", "cast_shadow", "sun", "sun_shadow", "first_stage_iterations"),
+    *("light_color_estimate", "cast_shadow", "sun", "sun_shadow", "tint", "first_stage_iterations"),
 )
 
 

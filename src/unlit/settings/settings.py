@@ -21,6 +21,7 @@ from .fit import LandmarkFit, OutlineFit, ShadingFit
 from .ranges import Count, Positive, Share, Weight, converted, expected, is_table
 from .sun import SunSearch, SunShadow
 from .table1 import TABLE_1, Stage
+from .tint import TintSearch
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -72,6 +73,7 @@ class Settings:
     exposure: KnownExposure = field(default_factory=partial(KnownExposure, AUTO))
     sun: SunSearch = field(default_factory=SunSearch)
     sun_shadow: SunShadow = field(default_factory=SunShadow)
+    tint: TintSearch = field(default_factory=TintSearch)
     detail: FineDetail = field(default_factory=FineDetail)
     cast_shadow: CastShadow = field(default_factory=CastShadow)
     #: Of the short stage 1 that an estimate of the light's colour and cast shadows are seen in.
