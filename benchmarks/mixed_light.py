@@ -1,14 +1,15 @@
-"""What a light of its own for each channel would bring: the experiment behind docs/method.md, 6.1.
+"""Light of two colours: as one, without its tint, and with a light for each channel.
 
     python benchmarks/mixed_light.py [--subjects LIST]
 
 Subjects of known truth are photographed in lights of two colours that are white together, by path
-tracing, and reconstructed on their true mesh (`draft`) in two ways: with the one white light of the
-method; and channel by channel, each a grey photo with lobes of its own, put together so that the
-three lights have the same flux. Per way: albedo's PSNR (dB, sRGB, inside the face without the eyes)
-and mean angle to the truth in RGB (degrees), and PSNR relit by a white flash and a white uniform
-light, each after one gain / after one gain for each channel. The second figure leaves out what a
-single colour for all of the light explains.
+tracing, and reconstructed on their true mesh (`draft`) in three ways: with one white light alone;
+with what the two halves of the face say of its tint taken out, as in the method
+(conditions/tint.py); and channel by channel, each a grey photo with lobes of its own, put together
+so that the three lights have the same flux. Per way: albedo's PSNR (dB, sRGB, inside the face
+without the eyes) and mean angle to the truth in RGB (degrees), and PSNR relit by a white flash and
+a white uniform light, each after one gain / after one gain for each channel. The second figure
+leaves out what a single colour for all of the light explains.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ import numpy as np
 from subjects import SHARED, standard
 
 import unlit
+from unlit.conditions.halves import across
+from unlit.conditions.tint import tint
 from unlit.evaluate.command import light
 from unlit.evaluate.metrics import angle, best_gain, channel_gains, psnr
 from unlit.evaluate.table import Table, markdown
@@ -31,6 +34,7 @@ from unlit.face.conditions import Conditions
 from unlit.face.head import FittedHead
 from unlit.face.photo import FacePhoto
 from unlit.face.reconstruction import Reconstruction
+from unlit.optimize.observation import observation
 from unlit.optimize.run_record import RunRecord
 from unlit.photo.photo import Photo
 from unlit.pipeline.chain import Steps, run_chain
@@ -82,13 +86,17 @@ def photograph(subject: KnownSubject, environment: np.ndarray) -> np.ndarray:
 Way = tuple[np.ndarray, dict[str, np.ndarray]]  # albedo; the face by white light
 
 
-def reconstructed(photo: FacePhoto, head: FittedHead) -> Reconstruction:
-    steps = Steps(lambda _: photo, lambda *_: head, lambda *_: Conditions())
+def reconstructed(
+    photo: FacePhoto, head: FittedHead, conditions: Conditions | None = None
+) -> Reconstruction:
+    steps = Steps(lambda _: photo, lambda *_: head, lambda *_: conditions or Conditions())
     return run_chain(steps, SETTINGS, RunRecord(lambda *_: None))
 
 
-def one_light(photo: FacePhoto, head: FittedHead) -> tuple[Way, Reconstruction]:
-    made = reconstructed(photo, head)
+def one_light(
+    photo: FacePhoto, head: FittedHead, conditions: Conditions | None = None
+) -> tuple[Way, Reconstruction]:
+    made = reconstructed(photo, head, conditions)
     relighter = Relighter(made.face)
     relit = {x: relighter(e) for x, e in WHITE.items()}
     return (made.face.maps.diffuse_albedo, relit), made
@@ -135,8 +143,11 @@ def rows(name: str, subject: KnownSubject) -> list[tuple[str, ...]]:
         head = FittedHead.of_mesh(*subject.mesh(), photo.landmarks)
         white, face = one_light(photo, head)
         mask = truth.seen & (face.face.mask > 0.5) & (photo.regions.eyes < 0.3)
+        seen = observation(photo, head, Conditions())
+        tinted = Conditions(tint=tint(seen, across(photo.landmarks), SETTINGS))
         ways = {
             "one white light": white,
+            "and the tint": one_light(photo, head, tinted)[0],
             "one for each channel": light_of_each_channel(photo, head),
         }
         for way, (albedo, relit) in ways.items():
