@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ from .parser import command, refuse_unused
 from .settings import add_settings, assigned, settings_of
 
 if TYPE_CHECKING:
-    from ..output.atlas import Atlas
+    from ..output.save import Page
     from ..progress.console import RunConsole
     from ..progress.log import Log
     from ..settings.settings import Settings
@@ -296,8 +296,8 @@ def _save(log: Log, result: Any, folder: Path, states: _States) -> None:
         log.say(f"unit_cd_m2  {luminance:.4g}")
     for warning in result.metrics.warnings:
         log.say(f"warning  {warning}")
-    pages: dict[str, Callable[[Atlas], bytes]] = {
-        STAGES: lambda atlas: pack_stages(states.taken),
-        REPORT: lambda atlas: report_html(result, atlas, states.taken).encode(),
+    pages: dict[str, Page] = {
+        STAGES: lambda *_: pack_stages(states.taken),
+        REPORT: lambda atlas, pictures: report_html(result, atlas, states.taken, pictures).encode(),
     }
     save(result, folder, log.text(), pages)

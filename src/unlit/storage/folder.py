@@ -27,8 +27,9 @@ MARK = "reconstruction.toml"
 MARK_TEXT = "# unlit reconstruction"
 #: What a running reconstruction shows of itself, in the target folder.
 PREVIEW = "unlit-preview.png"
-#: The page that shows a result, and the stages' pictures on it; a result can do without.
-REPORT, STAGES = "report.html", "stages.zip"
+#: The page that shows a result, the stages' pictures on it, and the picture that stands for a
+#: result on a batch's page; a result can do without.
+REPORT, STAGES, THUMBNAIL = "report.html", "stages.zip", "thumbnail.webp"
 #: What it can be resumed from, removed when the result is in place.
 CHECKPOINT = ".unlit-checkpoint.npz"
 
