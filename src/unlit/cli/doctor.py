@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from .answer import add_json, answer
 from .parser import command
 
 if TYPE_CHECKING:
@@ -13,7 +15,7 @@ if TYPE_CHECKING:
 
 def add(commands: Any) -> None:
     """The sub-parser of this command."""
-    command(
+    parser = command(
         commands,
         "doctor",
         run,
@@ -21,6 +23,7 @@ def add(commands: Any) -> None:
         "Look at Python, the renderer, its back end, the models, memory, disk and extras.",
         "  unlit doctor",
     )
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -28,11 +31,14 @@ def run(options: argparse.Namespace) -> int:
 
     found = [*checks(), *looked("viewer", lambda: [_viewer()])]
     width = max(len(check.name) for check in found)
+    lines = []
     for check in found:
-        print(f"{'ok ' if check.ok else 'BAD'}  {check.name:<{width}}  {check.detail}")
+        lines.append(f"{'ok ' if check.ok else 'BAD'}  {check.name:<{width}}  {check.detail}")
         if check.remedy:
-            print(f"     {'':<{width}}  -> {check.remedy}")
-    return int(not all(check.ok for check in found))
+            lines.append(f"     {'':<{width}}  -> {check.remedy}")
+    ok = all(check.ok for check in found)
+    answer(options, "\n".join(lines), ok=ok, checks=[asdict(check) for check in found])
+    return int(not ok)
 
 
 def _viewer() -> Check:

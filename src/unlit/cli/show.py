@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SettingsError
+from .answer import add_json, answer
 from .arguments import user_path
 from .parser import command, whole_number
 
@@ -45,6 +46,8 @@ def add(commands: Any) -> None:
         "none. Without a server: open DIR/report.html from disk.",
         "  unlit view portrait\n  unlit view portrait --no-browser --port 8000",
     )
+    for parser in (montage, report):
+        add_json(parser)
     for parser in (montage, report, view):
         parser.add_argument(
             "folder",
@@ -75,7 +78,7 @@ def run_montage(options: argparse.Namespace) -> int:
 
     path = Path(options.folder) / "montage.png"
     write_one(path, montage_png(load(options.folder)))
-    print(path)
+    answer(options, path, file=path)
     return 0
 
 
@@ -92,7 +95,7 @@ def run_report(options: argparse.Namespace) -> int:
         else:
             folders = Path(options.folder), Path(options.other)
             path = write_comparison(folders, Path(options.output or _COMPARISON), progress)
-    print(path)
+    answer(options, path, file=path)
     return 0
 
 

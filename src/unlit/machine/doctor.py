@@ -28,6 +28,7 @@ EXTRAS = {
     "usd": (("pxr",), "`unlit export --format usd`"),
     "video": (("av",), "MP4 of `unlit relight`"),
     "batch": (("distributed", "fsspec", "cryptography", "psutil"), "`unlit batch`"),
+    "dashboard": (("bokeh",), "`unlit batch --dashboard`"),
     "parquet": (("pyarrow",), "a batch's table as Parquet"),
     "raw": (("rawpy",), "raw files of cameras"),
     "jxl": (("pillow_jxl",), "JPEG XL of 8 bits"),

@@ -9,14 +9,15 @@ from __future__ import annotations
 import importlib.util
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, Self
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
+from rich.progress import BarColumn, Progress, TaskID, TextColumn
 
 from .log import LABELS, Log, clock, progress_text
+from .time_left import TimeLeft
 
 
 def standard_error() -> Console:
@@ -50,6 +51,7 @@ class Display:
             disable=not self.redraws,
         )
         self._task = self._bar.add_task("", total=1.0)
+        self._parts: list[TaskID] = []
 
     def __enter__(self) -> Self:
         return self
@@ -60,6 +62,19 @@ class Display:
     def say(self, line: str) -> None:
         """Print a line that stays."""
         self.console.print(line, markup=False)
+
+    def show_parts(self, parts: Sequence[tuple[float, str]]) -> None:
+        """Below the bar, one for each of what is done at the same time: share and text.
+
+        Only where bars can be redrawn; of lines there would be too many.
+        """
+        if not self.redraws:
+            return
+        while len(self._parts) < len(parts):
+            self._parts.append(self._bar.add_task("", total=1.0))
+        for number, task in enumerate(self._parts):
+            share, text = parts[number] if number < len(parts) else (0.0, "")
+            self._bar.update(task, completed=share, description=text, visible=number < len(parts))
 
     def show(self, share: float, text: str, line: str = "", now: bool = False) -> None:
         """`share`, 0 to 1, is done of what `text` names.
@@ -84,27 +99,21 @@ class RunConsole(Display):
     def __init__(self, plan: Mapping[str, float], console: Console | None = None) -> None:
         super().__init__(console)
         self.log = Log(self.say)
-        self._plan = plan
+        self._time_left = TimeLeft(plan)
         self._step = ""
 
     def __call__(self, step: str, iteration: int, iterations: int, loss: float) -> None:
         self.log(step, iteration, iterations, loss)
         begins, self._step = step != self._step, step
         label, seconds = LABELS.get(step, step), self.log.seconds
-        share = self._share(step, iteration / max(iterations, 1))
-        # At the very start nothing has been measured that the time left could be scaled to.
-        known = share > 0.02 and seconds > 1
-        left = f"{clock(seconds * (1 - share) / share)} left" if known else ""
+        part = iteration / max(iterations, 1)
+        share, rest = (
+            self._time_left.share(step, part),
+            self._time_left.seconds(step, part, seconds),
+        )
+        left = "" if rest is None else f"{clock(rest)} left"
         parts = [part for part in (label, progress_text(iteration, iterations, loss), left) if part]
         self.show(share, "  ".join(parts), "  ".join((clock(seconds), *parts)), begins)
-
-    def _share(self, step: str, part: float) -> float:
-        """Estimated share of the whole run that is done."""
-        names = list(self._plan)
-        if step not in names:
-            return 0.0
-        before = sum(self._plan[name] for name in names[: names.index(step)])
-        return (before + self._plan[step] * part) / sum(self._plan.values())
 
 
 class FetchConsole(Display):

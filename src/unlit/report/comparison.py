@@ -31,6 +31,8 @@ from .figures import figure
 _LARGEST = 768  # pixels a side
 #: A difference of encoded values, and an angle in degrees, that are shown as white.
 _MOST, _ANGLE = 0.25, 20.0
+#: Settings that are named in the list of differences.
+_NAMED = 6
 
 
 @dataclass(frozen=True)
@@ -130,9 +132,16 @@ def differences(a: Side, b: Side) -> list[str]:
     for name, (first, second) in _changed(_numbers(one), _numbers(other)).items():
         if name in ("Match", "Landmarks", "Light's colour"):
             found.append(f"{name}: {first}; {second}.")
-    count = len(_changed(_flat(as_dict(one.settings)), _flat(as_dict(other.settings))))
-    found.append(f"{count or 'No'} setting{'' if count == 1 else 's'} differ{'s' * (count == 1)}.")
+    found.append(_changed_settings(one, other))
     return found
+
+
+def _changed_settings(a: Reconstruction, b: Reconstruction) -> str:
+    names = list(_changed(_flat(as_dict(a.settings)), _flat(as_dict(b.settings))))
+    if not names:
+        return "No settings differ."
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return f"Settings that differ: {', '.join(names[:_NAMED])}{more}."
 
 
 def _percent(first: float, second: float) -> str:
@@ -283,6 +292,7 @@ def _table(a: Side, b: Side, one: Mapping[str, str], other: Mapping[str, str]) -
             f'<tr{" class=differs" if differs else ""}><th scope="row">{escape(name)}</th>'
             f"<td>{escape(first)}</td><td>{escape(second)}</td>{mark}"
         )
-    head = "".join(f'<th scope="col">{escape(text)}</th>' for text in ("", a.name, b.name, ""))
+    names = "".join(f'<th scope="col">{escape(side.name)}</th>' for side in (a, b))
+    head = f"<td></td>{names}<td></td>"
     lines = f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody>"
     return f'<div class="scroll" tabindex="0"><table>{lines}</table></div>'
