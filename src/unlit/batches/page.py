@@ -21,11 +21,13 @@ from .record import BatchRow, readable
 _DOUBTFUL = 0.05
 
 
-def as_html(rows: list[BatchRow]) -> bytes:
-    """The page about `rows`, in their order."""
+def as_html(rows: list[BatchRow], left: int = 0) -> bytes:
+    """The page about `rows`, in their order. left: photos that are still to be done."""
     failed = sum(bool(row.error) for row in rows)
     warned = sum(bool(row.warnings) for row in rows)
     counts = f"{len(rows) - failed} done, {failed} failed, {warned} with warnings"
+    if left:
+        counts = f"{left} still to do; so far {counts}"
     kinds = dict.fromkeys(kind for row in rows for kind in _kinds(row))
     body = filled(
         "batch.html",

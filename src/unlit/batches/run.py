@@ -102,7 +102,9 @@ def run_batch(
     def summed_up() -> list[BatchRow]:
         return [row for name in names.values() for row in rows.get(name, [])]
 
-    write_tables(store, summed_up())  # tells now, not after hours, if nothing can be written there
+    write_tables(
+        store, summed_up(), len(left)
+    )  # tells now, not after hours, if nothing can be written there
     if not left:
         return summed_up()
     written, running = time.monotonic(), RunningTasks()
@@ -116,7 +118,7 @@ def run_batch(
             counts.done += 1
         watch(counts, new)
         if time.monotonic() - written > _TABLE_SECONDS:
-            write_tables(store, summed_up())
+            write_tables(store, summed_up(), counts.photos - counts.finished)
             written = time.monotonic()
 
     try:
@@ -128,7 +130,7 @@ def run_batch(
             _work(client, left, running, counts, told, watch, keep)
     finally:
         rows |= _finished_meanwhile(running, common, store)
-        write_tables(store, summed_up())
+        write_tables(store, summed_up(), sum(name not in rows for name in names.values()))
     return summed_up()
 
 

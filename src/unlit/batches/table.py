@@ -17,11 +17,11 @@ _FORMULA = ("=", "+", "-", "@")
 _TEXT = ("photo", "status", "folder", "warnings", "error")
 
 
-def write_tables(store: BatchFolder, rows: list[BatchRow]) -> None:
-    """Write the summary of `rows`, a line each. Raises OutputError."""
+def write_tables(store: BatchFolder, rows: list[BatchRow], left: int = 0) -> None:
+    """Write the summary of `rows`, a line each. left: photos still to do. Raises OutputError."""
     lines = table(rows)
     store.write("batch.csv", as_csv(lines))
-    store.write("batch.html", as_html(rows))
+    store.write("batch.html", as_html(rows, left))
     if importlib.util.find_spec("pyarrow") is not None:
         store.write("batch.parquet", as_parquet(lines))
 

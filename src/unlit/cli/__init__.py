@@ -15,6 +15,7 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -33,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for number in (signal.SIGINT, signal.SIGTERM):
             if signal.getsignal(number) != signal.SIG_IGN:  # as for a script's background jobs
                 signal.signal(number, _end)
-    options = argparse.Namespace(again="", began=time.monotonic(), json=False)
+    options = argparse.Namespace(again="", began=time.monotonic(), json=False, preview="")
     try:
         _parser().parse_args(arguments, options)
         code = options.run(options)
@@ -70,9 +71,12 @@ def _said(error: BaseException, options: argparse.Namespace) -> tuple[str, int] 
             option = f" (option --{name.replace('_', '-')})" if name in vars(options) else ""
             return _failed(f"{error}{option}", 2 if isinstance(error, SettingsError) else 1)
         case KeyboardInterrupt():
-            return _stopped("interrupted", options.again, 130)
+            return _stopped("interrupted", options, 130)
         case SystemExit(code=143):
-            return _stopped("asked to end", options.again, 143)
+            return _stopped("asked to end", options, 143)
+        case ImportError() if not (error.name or "").startswith("unlit"):
+            reason = " ".join(str(error).split())
+            return _failed(f"a package cannot be loaded ({reason}): see `unlit doctor`", 1)
         case BrokenPipeError():
             _drop_output()
             return "", 141
@@ -97,8 +101,10 @@ def _failed(error: str, code: int) -> tuple[str, int]:
     return f"error: {' '.join(error.split())}", code
 
 
-def _stopped(how: str, again: str, code: int) -> tuple[str, int]:
-    return f"{how}; nothing half-written is left{again}", code
+def _stopped(how: str, options: argparse.Namespace, code: int) -> tuple[str, int]:
+    shown = options.preview and Path(options.preview).exists()
+    kept = f"; {options.preview} shows how far it came" if shown else ""
+    return f"{how}; nothing half-written is left{kept}{options.again}", code
 
 
 def _drop_output() -> None:

@@ -54,7 +54,7 @@ def add(commands: Any) -> None:
         "--dashboard",
         action="store_true",
         help="print the address of Dask's dashboard, which shows what the workers do; needs "
-        "`pip install 'unlit[dashboard]'`",
+        "`pip install 'unlit[batch,dashboard]'`",
     )
     add_settings(parser, "standard", every_face=True)
     add_json(parser)

@@ -20,24 +20,19 @@ def add(commands: Any) -> None:
         "doctor",
         run,
         "say what works on this machine and how to mend what does not",
-        "Look at Python, the renderer, its back end, the models, memory, disk and extras.",
+        "Look at Python, the renderer, its back end, all libraries, the models, memory, disk and "
+        "extras. Whatever is broken, it says so in a line with the remedy.",
         "  unlit doctor",
     )
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..machine.doctor import checks, looked
+    from ..machine.doctor import checks, looked, report
 
     found = [*checks(), *looked("viewer", lambda: [_viewer()])]
-    width = max(len(check.name) for check in found)
-    lines = []
-    for check in found:
-        lines.append(f"{'ok ' if check.ok else 'BAD'}  {check.name:<{width}}  {check.detail}")
-        if check.remedy:
-            lines.append(f"     {'':<{width}}  -> {check.remedy}")
     ok = all(check.ok for check in found)
-    answer(options, "\n".join(lines), ok=ok, checks=[asdict(check) for check in found])
+    answer(options, report(found), ok=ok, checks=[asdict(check) for check in found])
     return int(not ok)
 
 

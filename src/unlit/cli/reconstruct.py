@@ -178,6 +178,7 @@ def reconstruct_into(
 
     folder = Path(options.output)
     with reserve(folder, RESULT_FILES, needed_bytes(settings.resolution)) as preview:
+        options.preview = preview
         photo = read()
         models.fetch("reconstruct")
         from ..head.sources.library import head_model

@@ -14,7 +14,8 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import Any, Self
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn
+from rich.text import Text
 
 from .log import LABELS, Log, clock, progress_text
 from .time_left import TimeLeft
@@ -32,6 +33,14 @@ def _redraws(console: Console) -> bool:
     return console.is_terminal
 
 
+class _Clock(ProgressColumn):
+    """Time since a bar was begun. It moves also while a step has nothing new to tell."""
+
+    def render(self, task: Task) -> Text:
+        first = task.id == 0  # those below it (show_parts) are of others' work
+        return Text(clock(task.elapsed or 0) if first else "")
+
+
 class Display:
     """A bar with a text beside it, or where none can be drawn plain lines.
 
@@ -45,6 +54,7 @@ class Display:
         self._said = -math.inf
         self._bar = Progress(
             BarColumn(bar_width=24),
+            _Clock(),
             TextColumn("{task.description}", markup=False),
             console=self.console,
             transient=True,
