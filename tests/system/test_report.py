@@ -225,11 +225,11 @@ def test_it_turns_until_it_is_touched(browser: Any, report: Path) -> None:
         if button.get_attribute("aria-pressed") == "false":
             button.click()
         first = opened.picture()
-        assert change(opened.picture(), first) > 0.002
+        assert any(change(opened.picture(), first) > 0.002 for _ in range(20))
         touch()
         assert button.get_attribute("aria-pressed") == "false"
-        still = opened.picture()
-        assert change(opened.picture(), still) < 1e-4
+        still = [opened.picture() for _ in range(4)]  # the last drawing may come late
+        assert change(still[-1], still[-2]) < 1e-4
     assert opened.trouble == []
     opened.context.close()
 

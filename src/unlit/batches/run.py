@@ -126,7 +126,7 @@ def run_batch(
             connected(scheduler, len(left), settings.resolution, memory, dashboard) as client,
             listening(client) as told,
         ):
-            counts.dashboard = client.dashboard_link if dashboard else ""
+            counts.dashboard = str(client.dashboard_link) if dashboard else ""
             _work(client, left, running, counts, told, watch, keep)
     finally:
         rows |= _finished_meanwhile(running, common, store)

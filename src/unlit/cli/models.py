@@ -91,7 +91,7 @@ def _licences() -> str:
 
 
 def _statuses(found: list[AssetStatus], added: dict[str, Path], with_sums: bool) -> str:
-    lines = []
+    lines: list[str] = []
     for status in found:
         entry = status.asset
         optional = "" if entry.command == _NEEDED else f" (only `unlit {entry.command}` needs it)"

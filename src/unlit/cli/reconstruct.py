@@ -325,7 +325,7 @@ def _save(log: Log, result: Any, folder: Path, states: _States) -> None:
     for warning in result.metrics.warnings:
         log.say(f"warning  {warning}")
     pages: dict[str, Page] = {
-        STAGES: lambda *_: pack_stages(states.taken),
+        STAGES: lambda atlas, pictures: pack_stages(states.taken),
         REPORT: lambda atlas, pictures: report_html(result, atlas, states.taken, pictures).encode(),
     }
     save(result, folder, log.text(), pages)

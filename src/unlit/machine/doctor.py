@@ -77,7 +77,7 @@ print(json.dumps({"mitsuba": mi.__version__, "drjit": dr.__version__,
 
 # Run by another process with names of modules and lines: one that crashes is the last it named.
 _TRY = """
-import importlib, sys
+import importlib, os, sys
 for name, line in zip(sys.argv[1::2], sys.argv[2::2]):
     print("trying", name, flush=True)
     try:
@@ -86,6 +86,7 @@ for name, line in zip(sys.argv[1::2], sys.argv[2::2]):
         print("failed", type(error).__name__ + ":", " ".join(str(error).split()), flush=True)
     else:
         print("fine", flush=True)
+os._exit(0)  # what libraries do on leaving is none of ours
 """
 
 
@@ -125,7 +126,7 @@ def checks() -> list[Check]:
 def report(found: list[Check]) -> str:
     """`found` for people, a line or two each."""
     width = max(len(check.name) for check in found)
-    lines = []
+    lines: list[str] = []
     for check in found:
         lines.append(f"{'ok ' if check.ok else 'BAD'}  {check.name:<{width}}  {check.detail}")
         if check.remedy:
@@ -201,7 +202,7 @@ def _trouble(probe: subprocess.CompletedProcess[str], llvm: str) -> tuple[str, s
 
 def _libraries() -> list[Check]:
     """Everything else that is imported, each tried where a crash does no harm."""
-    left, broken = list(_LIBRARIES), []
+    left, broken = list(_LIBRARIES), list[Check]()
     while left:
         arguments = [word for name in left for word in (name, _LIBRARIES[name][1])]
         ran = subprocess.run(
