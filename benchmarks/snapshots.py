@@ -30,7 +30,7 @@ def _window() -> np.ndarray:
 
 
 def _sun() -> np.ndarray:
-    from unlit.output.montage import outdoors  # needs the renderer, which the rest does without
+    from unlit.output.relit import outdoors  # needs the renderer, which the rest does without
 
     return outdoors()
 

@@ -59,7 +59,7 @@ def install(log: Path, seconds: float = 0.0, patch: Any = None) -> None:
             ),
         )
 
-    def save(result: Any, folder: Path, log: str = "") -> None:
+    def save(result: Any, folder: Path, log: str = "", pages: Any = None) -> None:
         texts = {MARK: f"{MARK_TEXT} {result.content}", "montage.png": "x", "run.log": log}
         write_all(
             folder, {name: lambda path, t=text: path.write_text(t) for name, text in texts.items()}

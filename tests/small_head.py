@@ -188,5 +188,5 @@ def save_quickly(patch: pytest.MonkeyPatch) -> None:
     def albedo(face: Face) -> Callable[[object], np.ndarray]:
         return lambda light: face.maps.diffuse_albedo
 
-    patch.setattr(importlib.import_module("unlit.output.montage"), "Relighter", albedo)
+    patch.setattr(importlib.import_module("unlit.output.relit"), "Relighter", albedo)
     patch.setattr(importlib.import_module("unlit.output.save"), "atlas_size", lambda r: 64)

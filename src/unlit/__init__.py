@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 from .machine import runtime
 
-# Before anything imports drjit, which looks for LLVM when it is loaded.
-runtime.point_to_llvm()
+# Before anything imports drjit, which looks for LLVM and its cache when it is loaded.
+runtime.prepare()
 
 if TYPE_CHECKING:
     from .api import Result, batch, export, load, reconstruct, relight, resume, save

@@ -1,8 +1,26 @@
-"""`python -m unlit` is the command `unlit`."""
+"""`python -m unlit` and the command `unlit`: the command line, or in a line why it cannot start."""
 
 import sys
 
-from .cli import main
+
+def main() -> int:
+    """Run the command line. Needs nothing but Python itself to say which package is broken."""
+    try:
+        from .cli import main as command_line
+    except ImportError as error:
+        if sys.argv[1:2] == ["doctor"]:
+            from .machine.doctor import checks, report
+
+            print(report(checks()))
+        else:
+            reason = " ".join(str(error).split())
+            print(
+                f"unlit: error: a package cannot be loaded ({reason}): see `unlit doctor`",
+                file=sys.stderr,
+            )
+        return 1
+    return command_line()
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,4 +1,4 @@
-"""The report in a real browser: Debian's Chromium, without a display, driven by Playwright.
+"""The report in a real browser (tests/browser.py).
 
 Skips where there is no Chromium, no Playwright, or where unlit was built without its viewer.
 """
@@ -6,8 +6,6 @@ Skips where there is no Chromium, no Playwright, or where unlit was built withou
 from __future__ import annotations
 
 import io
-import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from browser import DESKTOP, PHONE, REQUIRED, Open, chromium, launched
 from changed import changed
 from report_head import report_head
 from unlit.color import encode_srgb
@@ -27,14 +26,8 @@ from unlit.report.page import report_html
 from unlit.report.stages import stage_pictures
 
 SIZE = 192
-_FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-_MILLISECONDS = 240_000  # software rendering on a busy machine
-
-#: Continuous integration sets it: what is missing then is a failure, not a reason to skip.
-_REQUIRED = bool(os.environ.get("UNLIT_REQUIRE_VIEWER"))
-
 pytestmark = pytest.mark.skipif(
-    program() is None and not _REQUIRED, reason="unlit was built without its viewer"
+    program() is None and not REQUIRED, reason="unlit was built without its viewer"
 )
 
 
@@ -58,38 +51,12 @@ def report(face: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    api = pytest.importorskip("playwright.sync_api")
-    executable = shutil.which("chromium")
-    if executable is None and not _REQUIRED:
-        pytest.skip("there is no chromium on this machine")
-    with api.sync_playwright() as driver:
-        running = driver.chromium.launch(executable_path=executable, args=_FLAGS)
+    with chromium() as running:
         yield running
-        running.close()
 
 
-class Open:
-    """The report opened from disk; whatever goes wrong in it is collected."""
-
-    def __init__(self, browser: Any, report: Path, **options: Any) -> None:
-        self.context = browser.new_context(**options)
-        self.page = self.context.new_page()
-        self.page.set_default_timeout(_MILLISECONDS)
-        self.trouble: list[str] = []
-        self.requests: list[str] = []
-        self.page.on("console", self._said)
-        self.page.on("pageerror", lambda error: self.trouble.append(str(error)))
-        self.page.on("request", lambda request: self._asked(request.url))
-        self.page.goto(report.as_uri())
-
-    def _said(self, message: Any) -> None:
-        # ANGLE tells that reading pixels back is slow, which is why it is done.
-        if message.type in ("error", "warning") and "GPU stall" not in message.text:
-            self.trouble.append(message.text)
-
-    def _asked(self, url: str) -> None:
-        if not url.startswith("data:"):
-            self.requests.append(url)
+class ViewerPage(Open):
+    """The report with its viewer at hand."""
 
     def show_viewer(self) -> None:
         """Bring the viewer into sight, and its canvas to the size of the crop."""
@@ -122,9 +89,10 @@ class Open:
 
 
 @pytest.fixture(scope="module")
-def view(browser: Any, report: Path) -> Iterator[Open]:
-    opened = Open(browser, report, viewport={"width": 1100, "height": 800})
+def view(browser: Any, report: Path) -> Iterator[ViewerPage]:
+    opened = ViewerPage(browser, report, viewport=DESKTOP, reduced_motion="reduce")
     opened.show_viewer()
+    opened.set("light", "photo")
     yield opened
     opened.context.close()
 
@@ -133,14 +101,14 @@ def change(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.abs(a - b).mean())
 
 
-def test_the_viewer_agrees_with_our_renderer(view: Open, face: Any) -> None:
+def test_the_viewer_agrees_with_our_renderer(view: ViewerPage, face: Any) -> None:
     """At the photo's camera and light, inside the mask."""
     inside = face.face.mask > 0
     error = (view.picture() - np.clip(encode_srgb(face.images.render), 0, 1))[inside]
     assert -10 * np.log10(np.mean(error**2)) > 30
 
 
-def test_it_can_be_turned_lit_and_switched(view: Open) -> None:
+def test_it_can_be_turned_lit_and_switched(view: ViewerPage) -> None:
     """Each control changes the picture, and the reset brings the first one back."""
     canvas = view.page.locator("#view")
     first = view.picture()
@@ -169,7 +137,7 @@ def test_it_can_be_turned_lit_and_switched(view: Open) -> None:
     assert "0 degrees" in view.page.text_content("#view-state")
 
 
-def test_a_drag_turns_the_head(view: Open) -> None:
+def test_a_drag_turns_the_head(view: ViewerPage) -> None:
     first = view.picture()
     mouse = view.page.mouse
     mouse.move(SIZE / 2, SIZE / 2)
@@ -180,7 +148,7 @@ def test_a_drag_turns_the_head(view: Open) -> None:
     view.page.locator("#view").press("0")
 
 
-def test_an_hdri_lights_it(view: Open, tmp_path: Path) -> None:
+def test_an_hdri_lights_it(view: ViewerPage, tmp_path: Path) -> None:
     """A blue light from the file; what is no such file is refused in words."""
     import cv2
 
@@ -198,7 +166,7 @@ def test_an_hdri_lights_it(view: Open, tmp_path: Path) -> None:
     view.set("light", "photo")
 
 
-def test_an_hdri_is_as_strong_as_for_relight(view: Open, face: Any, tmp_path: Path) -> None:
+def test_an_hdri_is_as_strong_as_for_relight(view: ViewerPage, face: Any, tmp_path: Path) -> None:
     """A strong side and a weak sky, in units of their own: our renderer's picture, its exposure."""
     import cv2
 
@@ -215,7 +183,7 @@ def test_an_hdri_is_as_strong_as_for_relight(view: Open, face: Any, tmp_path: Pa
     view.set("light", "photo")
 
 
-def test_sliders_move_the_cut(view: Open) -> None:
+def test_sliders_move_the_cut(view: ViewerPage) -> None:
     """Left of the cut is the state before, right of it the state after."""
     for figure in view.page.locator("figure.compare").all():
         pair = figure.locator(".pair").first
@@ -228,13 +196,13 @@ def test_sliders_move_the_cut(view: Open) -> None:
     view.page.evaluate("document.getElementById('view').style.visibility = ''")
 
 
-def test_stages_show_what_is_chosen(view: Open) -> None:
+def test_stages_show_what_is_chosen(view: ViewerPage) -> None:
     view.page.locator("input[name=kind][value=normals]").check()
     assert view.page.locator("[data-kind=normals]").first.is_visible()
     assert not view.page.locator("[data-kind=render]").first.is_visible()
 
 
-def test_pictures_can_be_enlarged(view: Open) -> None:
+def test_pictures_can_be_enlarged(view: ViewerPage) -> None:
     button = view.page.locator("button.picture").first
     before = button.bounding_box()["width"]
     button.click()
@@ -242,10 +210,70 @@ def test_pictures_can_be_enlarged(view: Open) -> None:
     assert button.bounding_box()["width"] > 1.5 * before
 
 
-def test_nothing_went_wrong_and_nothing_was_loaded(view: Open, report: Path) -> None:
+def test_nothing_went_wrong_and_nothing_was_loaded(view: ViewerPage, report: Path) -> None:
     """After all of the above: no error or warning on the console, one request, for the file."""
     assert view.trouble == []
     assert view.requests == [report.as_uri()]
+
+
+def test_it_turns_until_it_is_touched(browser: Any, report: Path) -> None:
+    """And when asked to again; not by itself where every picture is slow, as it is here."""
+    opened = ViewerPage(browser, report, viewport=DESKTOP)
+    opened.show_viewer()
+    button, canvas = opened.page.locator("#view-turn"), opened.page.locator("#view")
+    for touch in (button.click, lambda: canvas.press("ArrowUp"), canvas.click):
+        if button.get_attribute("aria-pressed") == "false":
+            button.click()
+        first = opened.picture()
+        assert any(change(opened.picture(), first) > 0.002 for _ in range(20))
+        touch()
+        assert button.get_attribute("aria-pressed") == "false"
+        still = [opened.picture() for _ in range(4)]  # the last drawing may come late
+        assert change(still[-1], still[-2]) < 1e-4
+    assert opened.trouble == []
+    opened.context.close()
+
+
+def test_it_does_not_turn_for_who_asked_for_less_motion(view: ViewerPage) -> None:
+    assert view.page.get_attribute("#view-turn", "aria-pressed") == "false"
+
+
+def test_without_webgl_pictures_stand_in(browser: Any, report: Path) -> None:
+    """In place of canvas and controls, and in words."""
+    with launched(browser.browser_type, "--disable-3d-apis") as blind:
+        opened = Open(blind, report, viewport=DESKTOP)
+        opened.page.locator("#viewer[data-failed]").wait_for()
+        assert not opened.page.locator("#view").is_visible()
+        assert not opened.page.locator("#light").is_visible()
+        assert opened.page.locator("#relit-outdoors").is_visible()
+        assert "WebGL" in opened.page.text_content("#view-state")
+        assert opened.faults() == []
+        opened.context.close()
+
+
+def test_without_scripts_nothing_is_missing_but_motion(browser: Any, report: Path) -> None:
+    """Pictures of light, maps and stages; no control that would do nothing."""
+    opened = Open(browser, report, viewport=DESKTOP, java_script_enabled=False)
+    page = opened.page
+    for shown in ("#relit-flash", "#stage1-render", "#photo", "noscript p"):
+        assert page.locator(shown).first.is_visible(), shown
+    for hidden in ("#view", "#light", "input[type=range]", "input[name=kind]"):
+        assert not page.locator(hidden).first.is_visible(), hidden
+    opened.context.close()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_everyone_can_read_it(browser: Any, report: Path, size: Any, scheme: str) -> None:
+    """Names, labels, headings, landmarks, contrast; no scrolling sideways; nothing goes wrong."""
+    opened = ViewerPage(browser, report, viewport=size, color_scheme=scheme)
+    opened.show_viewer()
+    for folded in opened.page.locator("summary").all():
+        folded.click()
+    assert opened.faults() == []
+    assert opened.width() <= size["width"]
+    assert opened.trouble == []
+    opened.context.close()
 
 
 def test_a_phone_in_dark_mode(browser: Any, report: Path) -> None:
@@ -254,7 +282,9 @@ def test_a_phone_in_dark_mode(browser: Any, report: Path) -> None:
         browser, report, viewport={"width": 390, "height": 844}, color_scheme="dark", has_touch=True
     )
     page = phone.page
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    for folded in page.locator("summary").all():
+        folded.click()
+    assert phone.width() <= 390
     channels = page.evaluate("getComputedStyle(document.body).backgroundColor.match(/\\d+/g)")
     assert max(map(int, channels)) < 64
     assert page.evaluate("parseFloat(getComputedStyle(document.body).fontSize)") >= 16

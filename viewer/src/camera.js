@@ -61,6 +61,16 @@ export class Orbit {
     this.controls.update();
   }
 
+  /** Stand `azimuth` radians to the right of the photo's camera, as high and far as now. */
+  face(azimuth) {
+    this.move(azimuth - this.azimuth(), 0);
+  }
+
+  /** Radians to the right of the photo's camera. */
+  azimuth() {
+    return Math.atan2(this.proxy.position.x, this.proxy.position.z);
+  }
+
   follow() {
     const { quaternion, position } = this.proxy;
     this.camera.quaternion.copy(quaternion);

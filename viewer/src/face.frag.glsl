@@ -59,7 +59,8 @@ void main() {
   vec3 nD = bent(diffuseNormal, useDiffuseNormal);
   vec3 nS = bent(specularNormal, useSpecularNormal);
   vec3 viewer = normalize(eye - vPosition);
-  float cosO = max(dot(nS, viewer), 1e-4);
+  float facing = dot(nS, viewer);
+  float cosO = max(facing, 1e-4);
 
   vec3 e = reflected(0.0, nD);
   // The balls are seen from afar. From nearer the viewer's direction differs, and by half as much
@@ -73,7 +74,8 @@ void main() {
   // stands skin that is lit like this point without shadows.
   vec3 reaching = mix(vec3(1.0), vDirect / max(vOpen, 1e-4), useShadow);
   e *= reaching + useShadow * vHidden * rhoD;
-  s *= reaching * smith(cosO, alpha2) / (4.0 * cosO);
+  // The ball ends at a right angle to the viewer: beyond it, and a little before, rims would glitter.
+  s *= smoothstep(0.0, 0.2, facing) * reaching * smith(cosO, alpha2) / (4.0 * cosO);
   vec3 radiance = (useDiffuse * rhoD * e + useSpecular * rhoS * s) / PI;
   colour = vec4(encoded(exposure * radiance), 1.0);
 }

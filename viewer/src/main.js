@@ -3,6 +3,7 @@
 import { sceneOf } from "./data.js";
 import { gridOf } from "./hdri.js";
 import { SWITCHES } from "./head.js";
+import { Turning } from "./turning.js";
 import { Viewer } from "./viewer.js";
 
 const RADIANS = Math.PI / 180;
@@ -68,8 +69,20 @@ async function start() {
     viewer.set(name, Number(box.checked)); // browsers keep a form's state on reloading
   }
 
+  const button = element("view-turn");
+  const turning = new Turning(viewer, (on) => {
+    button.setAttribute("aria-pressed", on);
+    if (!on) describe();
+  });
+  button.addEventListener("click", () => (turning.on ? turning.stop() : turning.start()));
+
   const reset = () => {
+    turning.stop();
     viewer.orbit.reset();
+    if (light.value !== "photo" || file.files.length) {
+      light.value = "photo";
+      light.dispatchEvent(new Event("change"));
+    }
     for (const input of [yaw, pitch, exposure]) input.value = 0;
     turned();
     exposed();
@@ -109,13 +122,18 @@ async function start() {
   exposed();
   viewer.angles = [yaw.value * RADIANS, pitch.value * RADIANS];
   viewer.illuminate(scene.lights[light.value]);
-  describe();
+  await viewer.drawn;
   element("viewer").dataset.ready = "";
+  // Not for who asked for less motion, and not where every picture costs the machine dear.
+  const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  if (still || viewer.slow) describe();
+  else turning.start();
 }
 
 function failed(error) {
-  console.warn(error);
-  say(`The viewer cannot be shown: ${error.message ?? error}. It needs WebGL 2.`);
+  console.info(error);
+  element("viewer").dataset.failed = "";
+  say("The head in three dimensions needs WebGL 2, which this browser does not give: pictures instead.");
 }
 
 // Only once it is looked at: the rest of the page should not wait.

@@ -1,4 +1,4 @@
-// Scene, light and camera put together. Drawn on demand: nothing moves by itself.
+// Scene, light and camera put together. Drawn on demand.
 
 import { Color, LinearSRGBColorSpace, Scene, Vector3, WebGLRenderer } from "three";
 import { Balls, LIGHTS } from "./ball.js";
@@ -26,6 +26,8 @@ export class Viewer {
     this.angles = [0, 0];
     this.waiting = this.turned = false;
     this.slow = null;
+    /** Settled once the first picture is there, and `slow` is known. */
+    this.drawn = new Promise((done) => (this.first = done));
     new ResizeObserver(() => this.draw()).observe(canvas);
   }
 
@@ -58,6 +60,7 @@ export class Viewer {
       if (this.turned) this.#light();
       this.slow ??= this.#isSlow();
       this.#render(this.slow ? 0.5 : devicePixelRatio);
+      this.first();
       // Two pixels for one smooth the edges.
       const finely = () => this.#render(this.slow ? 1 : 2);
       this.rest = setTimeout(finely, this.slow ? REST.slow : REST.fast);

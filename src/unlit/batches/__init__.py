@@ -11,10 +11,12 @@ from ..errors import MachineError
 _PACKAGES = ("distributed", "fsspec", "cryptography", "psutil")
 
 
-def require_extra() -> None:
+def require_extra(dashboard: bool = False) -> None:
     """Raise MachineError, naming the extra, where a package that only a batch needs is missing."""
-    missing = [name for name in _PACKAGES if importlib.util.find_spec(name) is None]
+    packages = (*_PACKAGES, "bokeh") if dashboard else _PACKAGES
+    missing = [name for name in packages if importlib.util.find_spec(name) is None]
     if missing:
         raise MachineError(
-            f"a batch needs {', '.join(missing)}: install with `pip install 'unlit[batch]'`"
+            f"a batch needs {', '.join(missing)}: install with "
+            f"`pip install 'unlit[{'batch,dashboard' if dashboard else 'batch'}]'`"
         )

@@ -24,6 +24,7 @@ from ..machine import cost as footprint
 #: A photo that as many workers died of is given up.
 _MAX_DEATHS = 2
 _CONNECT_SECONDS = 20
+_DASHBOARD = "127.0.0.1:0"
 
 
 def workers_and_threads(cores: int, memory: float, jobs: int, resolution: int) -> tuple[int, int]:
@@ -35,12 +36,17 @@ def workers_and_threads(cores: int, memory: float, jobs: int, resolution: int) -
 
 @contextlib.contextmanager
 def connected(
-    scheduler: str | None, jobs: int, resolution: int, memory: float | None = None
+    scheduler: str | None,
+    jobs: int,
+    resolution: int,
+    memory: float | None = None,
+    dashboard: bool = False,
 ) -> Iterator[Client]:
     """A client of the cluster at `scheduler`, or of one made here and ended on leaving.
 
     memory: bytes that the workers made here may take together; None is all that is free.
-    Raises MachineError where the cluster does not answer.
+    dashboard: whether the cluster made here serves Dask's own page, to this machine only. Raises
+    MachineError where the cluster does not answer.
     """
     # What Dask logs is told by rows of the table and by the progress bar. Its loggers have levels
     # of their own.
@@ -49,7 +55,7 @@ def connected(
             logging.getLogger(name).setLevel(logging.CRITICAL)
     with contextlib.ExitStack() as stack:
         if scheduler is None:
-            cluster = stack.enter_context(_local_cluster(jobs, resolution, memory))
+            cluster = stack.enter_context(_local_cluster(jobs, resolution, memory, dashboard))
             client = stack.enter_context(Client(cluster))
             client.register_plugin(_IgnoreInterrupts())
         else:
@@ -68,7 +74,9 @@ def _client(scheduler: str) -> Client:
         ) from error
 
 
-def _local_cluster(jobs: int, resolution: int, memory: float | None) -> LocalCluster:
+def _local_cluster(
+    jobs: int, resolution: int, memory: float | None, dashboard: bool
+) -> LocalCluster:
     free = min(MEMORY_LIMIT, psutil.virtual_memory().available, memory or float("inf"))
     workers, threads = workers_and_threads(CPU_COUNT, free, jobs, resolution)
     with dask.config.set({"distributed.scheduler.allowed-failures": _MAX_DEATHS - 1}):
@@ -78,7 +86,8 @@ def _local_cluster(jobs: int, resolution: int, memory: float | None) -> LocalClu
             # Encrypted, with a key that only this process has: whoever may connect to a Dask
             # scheduler may run code, and other users reach this machine's own address, too.
             security=True,
-            dashboard_address=None,  # pyright: ignore[reportArgumentType]
+            # It shows names and times; whoever else uses this machine can read it.
+            dashboard_address=_DASHBOARD if dashboard else None,  # pyright: ignore
             # At a limit Dask would pause workers, of which each has but one photo: for ever.
             memory_limit=0,
             silence_logs=logging.CRITICAL,

@@ -22,7 +22,7 @@ from fsspec.core import url_to_fs
 from fsspec.implementations.local import LocalFileSystem
 
 from ..errors import OutputError
-from ..output.save import FILES
+from ..output.save import RESULT_FILES
 from ..storage.folder import MARK, reserve, write_one
 from .record import Record
 
@@ -115,7 +115,7 @@ class BatchFolder:
             folder = self.local / place
             with self._explained(place):
                 _remove_remains(folder)
-            with reserve(folder, FILES, need):
+            with reserve(folder, RESULT_FILES, need):
                 (folder / _BEGUN).touch()
                 try:
                     yield folder
@@ -124,7 +124,7 @@ class BatchFolder:
             return
         with tempfile.TemporaryDirectory(prefix="unlit-") as name:
             folder = Path(name) / "result"
-            with reserve(folder, FILES, need):
+            with reserve(folder, RESULT_FILES, need):
                 yield folder
             with self._explained(place):
                 self._copy(folder, place)
@@ -162,7 +162,7 @@ def _remove_remains(folder: Path) -> None:
     """Remove what a process that was killed has left in `folder`; it left _BEGUN, too."""
     if (folder / _BEGUN).exists():
         if not (folder / MARK).exists():
-            for name in FILES:
+            for name in RESULT_FILES:
                 (folder / name).unlink(missing_ok=True)
         for staging in folder.glob(".unlit-*/"):
             shutil.rmtree(staging, ignore_errors=True)

@@ -29,7 +29,8 @@ class BatchRow:
     error: one line, "" for a result. warnings: one line each.
     seconds: by step, with the writing of the files. landmark_residual: mean distance of the fitted
     head from the landmarks, in eye distances. render_psnr: of the re-rendering against the crop
-    inside the mask, dB, sRGB-encoded. losses: the last of each stage.
+    inside the mask, dB, sRGB-encoded. losses: the last of each stage. report, thumbnail: whether
+    the result's folder has these files.
     """
 
     photo: str
@@ -40,6 +41,8 @@ class BatchRow:
     landmark_residual: float | None = None
     render_psnr: float | None = None
     losses: dict[str, float] = field(default_factory=dict)
+    report: bool = False
+    thumbnail: bool = False
 
 
 @dataclass(frozen=True)

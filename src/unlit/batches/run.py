@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from .photos import name_results
 from .record import BatchRow, Record, common_identity, with_photo
 from .table import write_tables
 from .task import PhotoTask
+from .working import PhotoProgress, listening
 
 #: How often the number of workers is looked at, and how long Ctrl-C waits for files being written.
 _POLL_SECONDS = 2.0
@@ -33,8 +34,9 @@ _TABLE_SECONDS = 60.0
 @dataclass
 class Counts:
     """How far a batch is: photos in all, done before it began, done, failed; workers;
-    photos being worked on, and the seconds that the first of them has taken so far; photos that
-    are done again, by what their results were made from.
+    photos being worked on, and the seconds that the first of them has taken so far; how far they
+    are, as far as their workers told; address of Dask's dashboard; photos that are done again, by
+    what their results were made from.
     """
 
     photos: int
@@ -44,6 +46,8 @@ class Counts:
     workers: int = 0
     running: int = 0
     longest: float = 0.0
+    working: list[PhotoProgress] = field(default_factory=list)
+    dashboard: str = ""
     anew: Counter[str] = field(default_factory=Counter)
 
     @property
@@ -66,11 +70,15 @@ def run_batch(
     scheduler: str | None,
     watch: BatchWatch,
     memory: float | None = None,
+    *,
+    reports: bool = True,
+    dashboard: bool = False,
 ) -> list[BatchRow]:
     """Reconstruct every photo into `folder` (a path or URL) that is not done, and sum it up.
 
     photos: absolute paths, which the workers see, too. face: as for `chain.reconstruct`, or "all".
-    memory: bytes that workers on this machine may take together. Returns the rows of all
+    memory: bytes that workers on this machine may take together. reports: whether each result gets
+    its report.html. dashboard: whether Dask's page on its work is served. Returns the rows of all
     photos in order. An interruption ends the work on the photos at hand; what is done stays, and
     the next call goes on. Raises OutputError and MachineError.
     """
@@ -83,7 +91,7 @@ def run_batch(
     rows: dict[str, list[BatchRow]] = {}
     left: deque[PhotoTask] = deque()
     for photo, name in names.items():
-        job = PhotoTask(str(photo), name, store.url, as_dict(settings), face)
+        job = PhotoTask(str(photo), name, store.url, as_dict(settings), face, reports)
         known = _known_rows(job, records.get(name), common, store, counts)
         if known is None:
             left.append(job)
@@ -94,7 +102,9 @@ def run_batch(
     def summed_up() -> list[BatchRow]:
         return [row for name in names.values() for row in rows.get(name, [])]
 
-    write_tables(store, summed_up())  # tells now, not after hours, if nothing can be written there
+    write_tables(
+        store, summed_up(), len(left)
+    )  # tells now, not after hours, if nothing can be written there
     if not left:
         return summed_up()
     written, running = time.monotonic(), RunningTasks()
@@ -108,15 +118,19 @@ def run_batch(
             counts.done += 1
         watch(counts, new)
         if time.monotonic() - written > _TABLE_SECONDS:
-            write_tables(store, summed_up())
+            write_tables(store, summed_up(), counts.photos - counts.finished)
             written = time.monotonic()
 
     try:
-        with connected(scheduler, len(left), settings.resolution, memory) as client:
-            _work(client, left, running, counts, watch, keep)
+        with (
+            connected(scheduler, len(left), settings.resolution, memory, dashboard) as client,
+            listening(client) as told,
+        ):
+            counts.dashboard = str(client.dashboard_link) if dashboard else ""
+            _work(client, left, running, counts, told, watch, keep)
     finally:
         rows |= _finished_meanwhile(running, common, store)
-        write_tables(store, summed_up())
+        write_tables(store, summed_up(), sum(name not in rows for name in names.values()))
     return summed_up()
 
 
@@ -165,13 +179,15 @@ def _work(
     left: deque[PhotoTask],
     running: RunningTasks,
     counts: Counts,
+    told: Mapping[str, PhotoProgress],
     watch: BatchWatch,
     keep: Callable[[PhotoTask, list[BatchRow]], None],
 ) -> None:
     """Do the jobs in `left`, as many at a time as there are workers; `keep` gets each one's rows.
 
     One a worker, so that none waits behind another while somebody is idle, and workers that come
-    later find work. After an interruption `running` holds what was not ended.
+    later find work. told: how far each is. After an interruption `running` holds what was not
+    ended.
     """
     try:
         while left or running:
@@ -182,6 +198,8 @@ def _work(
             counts.running = len(running)
             begun = min((start for _, start in running.values()), default=time.monotonic())
             counts.longest = time.monotonic() - begun
+            names = [job.name for job, _ in running.values()]
+            counts.working = [told[name] for name in names if name in told]
             watch(counts, [])
             for future in _first_finished(running):
                 rows = _rows(future, running[future][0])

@@ -3,33 +3,25 @@
 from __future__ import annotations
 
 import csv
-import html
 import importlib.util
 import io
-import urllib.parse
 from typing import Any
 
 from .folder import BatchFolder
+from .page import as_html
 from .record import BatchRow, readable
 
 #: A cell that a spreadsheet would take for a formula.
 _FORMULA = ("=", "+", "-", "@")
 #: Columns of text; all others are numbers.
 _TEXT = ("photo", "status", "folder", "warnings", "error")
-_STYLE = """
-body { font: 14px/1.4 system-ui, sans-serif; margin: 2em; }
-table { border-collapse: collapse; }
-th, td { padding: .25em .6em; border-bottom: 1px solid #ddd; text-align: left; }
-td.number, th.number { text-align: right; font-variant-numeric: tabular-nums; }
-tr.failed { background: #fdecea; }
-"""
 
 
-def write_tables(store: BatchFolder, rows: list[BatchRow]) -> None:
-    """Write the summary of `rows`, a line each. Raises OutputError."""
+def write_tables(store: BatchFolder, rows: list[BatchRow], left: int = 0) -> None:
+    """Write the summary of `rows`, a line each. left: photos still to do. Raises OutputError."""
     lines = table(rows)
     store.write("batch.csv", as_csv(lines))
-    store.write("batch.html", as_html(lines))
+    store.write("batch.html", as_html(rows, left))
     if importlib.util.find_spec("pyarrow") is not None:
         store.write("batch.parquet", as_parquet(lines))
 
@@ -66,35 +58,6 @@ def as_csv(lines: list[dict[str, Any]]) -> bytes:
             for cell in line.values()
         )
     return text.getvalue().encode()
-
-
-def as_html(lines: list[dict[str, Any]]) -> bytes:
-    """One page without scripts, with a link to each result's montage."""
-    failed = sum(line["status"] == "failed" for line in lines)
-
-    def cell(name: str, value: Any) -> str:
-        if name not in _TEXT:
-            return f'<td class="number">{"" if value is None else f"{value:.4g}"}</td>'
-        text = html.escape(value)
-        if name == "folder" and value:
-            text = f'<a href="{urllib.parse.quote(value)}/montage.png">{text}</a>'
-        return f"<td>{text}</td>"
-
-    def title(name: str) -> str:
-        kind = "" if name in _TEXT else ' class="number"'
-        return f"<th{kind}>{html.escape(name.replace('_', ' '))}</th>"
-
-    head = "".join(title(name) for name in (lines[0] if lines else {}))
-    body = "\n".join(
-        f'<tr class="{line["status"]}">{"".join(cell(*item) for item in line.items())}</tr>'
-        for line in lines
-    )
-    return (
-        '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n<title>unlit batch</title>\n'
-        f"<style>{_STYLE}</style>\n<h1>unlit batch</h1>\n"
-        f"<p>{len(lines) - failed} done, {failed} failed</p>\n"
-        f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>\n</html>\n"
-    ).encode()
 
 
 def as_parquet(lines: list[dict[str, Any]]) -> bytes:

@@ -15,11 +15,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UnlitError
+from ..storage.folder import REPORT, THUMBNAIL
 from .folder import RECORDS, BatchFolder
 from .record import BatchRow, Record, common_identity, with_photo
+from .working import Teller
 
 if TYPE_CHECKING:
+    from ..face.reconstruction import Reconstruction
     from ..head.model import HeadModel
+    from ..output.save import Page
     from ..perception.landmarks import DetectedFace
     from ..photo.photo import Photo
     from ..progress.log import Log
@@ -35,7 +39,8 @@ class PhotoTask:
     """One photo to be done.
 
     photo: its path. name: of its result. store: the batch's folder or URL. settings: nested plain
-    values. face: as for `pipeline.chain.reconstruct`, or "all".
+    values. face: as for `pipeline.chain.reconstruct`, or "all". reports: whether each result gets
+    its report.html.
     """
 
     photo: str
@@ -43,6 +48,7 @@ class PhotoTask:
     store: str
     settings: dict[str, Any]
     face: str | int
+    reports: bool = True
 
 
 class Stopped(Exception):
@@ -116,7 +122,8 @@ def _rows(
             continue
         try:
             with store.result(place, needed_bytes(settings.resolution)) as folder:
-                row = _result(photo, settings, head, face, folder)
+                tell = _teller(job.name, place, settings)
+                row = _result(photo, settings, head, face, folder, tell, job.reports)
             rows.append(replace(row, photo=job.photo, folder=place))
         except Stopped:
             raise
@@ -155,6 +162,8 @@ def _result(
     head: HeadModel,
     face: str | int | DetectedFace,
     folder: Path,
+    tell: Teller,
+    reports: bool,
 ) -> BatchRow:
     """Reconstruct one face of `photo` and save it to `folder`; a row without names."""
     from ..evaluate.metrics import psnr
@@ -165,11 +174,12 @@ def _result(
 
     def progress(stage: str, iteration: int, iterations: int, loss: float) -> None:
         stop_if_cancelled()
+        tell(stage, iteration, iterations)
         log(stage, iteration, iterations, loss)
 
     result = reconstruct(photo, settings=settings, face=face, model=head, progress=progress)
     start = time.perf_counter()
-    save(result, folder, log.text())
+    save(result, folder, log.text(), _pages(result, reports))
     metrics = result.metrics
     return BatchRow(
         photo="",
@@ -178,7 +188,30 @@ def _result(
         landmark_residual=result.head.landmark_residual,
         render_psnr=psnr(result.images.render, result.photo.image, result.face.mask > 0.5),
         losses={stage: pairs[-1][1] for stage, pairs in metrics.losses.items() if pairs},
+        report=(folder / REPORT).is_file(),
+        thumbnail=(folder / THUMBNAIL).is_file(),
     )
+
+
+def _pages(result: Reconstruction, reports: bool) -> dict[str, Page]:
+    from ..output.thumbnail import thumbnail_webp
+    from ..report.page import report_html
+
+    pages: dict[str, Page] = {THUMBNAIL: lambda _, pictures: thumbnail_webp(result, pictures)}
+    if reports:
+        pages[REPORT] = lambda atlas, pictures: report_html(
+            result, atlas, pictures=pictures
+        ).encode()
+    return pages
+
+
+def _teller(job: str, place: str, settings: Settings) -> Teller:
+    from ..machine import cost
+
+    worker = _worker()
+    cores = cost.cores() if worker is None else worker.state.nthreads
+    plan = cost.plan(settings.resolution, settings.iterations(0), cores, settings.solver)
+    return Teller(worker, job, place, plan)
 
 
 def _log(photo: Photo, settings: Settings) -> Log:

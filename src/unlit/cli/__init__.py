@@ -13,12 +13,15 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Sequence
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
 from ..errors import SettingsError, UnlitError
 from . import batch, demo, doctor, evaluate, export, models, reconstruct, relight, show
+from .answer import print_object
 from .arguments import Parser
 
 #: In the order of the help.
@@ -31,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for number in (signal.SIGINT, signal.SIGTERM):
             if signal.getsignal(number) != signal.SIG_IGN:  # as for a script's background jobs
                 signal.signal(number, _end)
-    options = argparse.Namespace(again="")
+    options = argparse.Namespace(again="", began=time.monotonic(), json=False, preview="")
     try:
         _parser().parse_args(arguments, options)
         code = options.run(options)
@@ -49,43 +52,59 @@ def _cause(error: BaseException) -> BaseException:
 
 def _explain(error: BaseException, options: argparse.Namespace) -> int:
     """Print one line about `error` and return the exit code; what is no user's doing is raised."""
+    said = _said(error, options)
+    if said is None:
+        raise error
+    line, code = said
+    if line:
+        print(f"unlit: {line}", file=sys.stderr)
+        if options.json:
+            print_object({"error": line.removeprefix("error: "), "code": code})
+    return code
+
+
+def _said(error: BaseException, options: argparse.Namespace) -> tuple[str, int] | None:
+    """One line, perhaps empty, and the exit code; None for what is no user's doing."""
     match error:
         case UnlitError(argument=name):
             # The library names its arguments; options are spelt in another way.
             option = f" (option --{name.replace('_', '-')})" if name in vars(options) else ""
-            return _fail(f"{error}{option}", 2 if isinstance(error, SettingsError) else 1)
+            return _failed(f"{error}{option}", 2 if isinstance(error, SettingsError) else 1)
         case KeyboardInterrupt():
-            return _stopped("interrupted", options.again, 130)
+            return _stopped("interrupted", options, 130)
         case SystemExit(code=143):
-            return _stopped("asked to end", options.again, 143)
+            return _stopped("asked to end", options, 143)
+        case ImportError() if not (error.name or "").startswith("unlit"):
+            reason = " ".join(str(error).split())
+            return _failed(f"a package cannot be loaded ({reason}): see `unlit doctor`", 1)
         case BrokenPipeError():
             _drop_output()
-            return 141
+            return "", 141
         case MemoryError():
-            return _fail(_MEMORY, 1)
+            return _failed(_MEMORY, 1)
         case RuntimeError() if "out of memory" in str(error):  # the renderer's own way to say it
-            return _fail(_MEMORY, 1)
+            return _failed(_MEMORY, 1)
         case OSError(errno=errno.ENOSPC | errno.EDQUOT):
             _drop_output()
-            return _fail(f"{error.filename or 'the disk'}: no space left; free some", 1)
+            return _failed(f"{error.filename or 'the disk'}: no space left; free some", 1)
         case PermissionError():
-            return _fail(f"{error.filename or 'a file'}: no permission; change its rights", 1)
+            return _failed(f"{error.filename or 'a file'}: no permission; change its rights", 1)
         case _:
-            raise error
+            return None
 
 
 _LATER_SECONDS = 0.05
 _MEMORY = "not enough memory: close programs, or use --preset draft or a lower --resolution"
 
 
-def _fail(error: str, code: int) -> int:
-    print(f"unlit: error: {' '.join(error.split())}", file=sys.stderr)
-    return code
+def _failed(error: str, code: int) -> tuple[str, int]:
+    return f"error: {' '.join(error.split())}", code
 
 
-def _stopped(how: str, again: str, code: int) -> int:
-    print(f"unlit: {how}; nothing half-written is left{again}", file=sys.stderr)
-    return code
+def _stopped(how: str, options: argparse.Namespace, code: int) -> tuple[str, int]:
+    shown = options.preview and Path(options.preview).exists()
+    kept = f"; {options.preview} shows how far it came" if shown else ""
+    return f"{how}; nothing half-written is left{kept}{options.again}", code
 
 
 def _drop_output() -> None:

@@ -8,14 +8,16 @@ from rich.console import Console
 
 from ..batches.record import BatchRow, readable
 from ..batches.run import Counts
+from ..batches.working import PhotoProgress
 from ..progress.console import Display
-from ..progress.log import clock
+from ..progress.log import LABELS, clock
 
 
 class BatchConsole(Display):
     """Shows `Counts`; give it to `run_batch` and use it as a context manager.
 
-    On a terminal a bar is redrawn in place; elsewhere a line is printed for each photo.
+    On a terminal a bar is redrawn in place, with one below it for each worker; elsewhere a line
+    is printed for each photo.
     """
 
     def __init__(self, console: Console | None = None) -> None:
@@ -32,6 +34,8 @@ class BatchConsole(Display):
         now, self._counts = time.monotonic(), counts
         if counts.workers and self._began is None:
             self._began = now
+            if counts.dashboard:
+                self.say(f"dashboard  {counts.dashboard}")
             for what, photos in counts.anew.items():
                 plural = "" if photos == 1 else "s"
                 self.say(readable(f"anew  {photos} photo{plural}: the earlier result is of {what}"))
@@ -43,6 +47,7 @@ class BatchConsole(Display):
                 self.say(
                     readable(f"done  {row.folder}  {sum(row.seconds.values()):.0f} s  ({state})")
                 )
+        self.show_parts([(working.share, _part(working)) for working in counts.working])
         if self.redraws or (counts.running and not rows):
             self.show(counts.finished / max(counts.photos, 1), state)
 
@@ -56,6 +61,12 @@ class BatchConsole(Display):
                 seconds = (now - self._began) / counts.done * (counts.photos - counts.finished)
                 parts.append(f"{clock(seconds)} left")
         return ", ".join(parts)
+
+
+def _part(working: PhotoProgress) -> str:
+    """What one worker does: the result, the step, the time left."""
+    left = [] if working.left is None else [f"{clock(working.left)} left"]
+    return readable("  ".join([working.place, LABELS.get(working.step, working.step), *left]))
 
 
 def _finished(counts: Counts) -> list[str]:

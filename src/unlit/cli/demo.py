@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from .answer import add_json
 from .arguments import user_path
 from .parser import command
 from .reconstruct import reconstruct_into
@@ -30,6 +31,7 @@ def add(commands: Any) -> None:
         *("-o", "--output"), type=user_path, metavar="DIR", default=_FOLDER, help=f"({_FOLDER})"
     )
     add_settings(parser, "draft")
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:

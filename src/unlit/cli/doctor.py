@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from .answer import add_json, answer
 from .parser import command
 
 if TYPE_CHECKING:
@@ -13,26 +15,25 @@ if TYPE_CHECKING:
 
 def add(commands: Any) -> None:
     """The sub-parser of this command."""
-    command(
+    parser = command(
         commands,
         "doctor",
         run,
         "say what works on this machine and how to mend what does not",
-        "Look at Python, the renderer, its back end, the models, memory, disk and extras.",
+        "Look at Python, the renderer, its back end, all libraries, the models, memory, disk and "
+        "extras. Whatever is broken, it says so in a line with the remedy.",
         "  unlit doctor",
     )
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..machine.doctor import checks, looked
+    from ..machine.doctor import checks, looked, report
 
     found = [*checks(), *looked("viewer", lambda: [_viewer()])]
-    width = max(len(check.name) for check in found)
-    for check in found:
-        print(f"{'ok ' if check.ok else 'BAD'}  {check.name:<{width}}  {check.detail}")
-        if check.remedy:
-            print(f"     {'':<{width}}  -> {check.remedy}")
-    return int(not all(check.ok for check in found))
+    ok = all(check.ok for check in found)
+    answer(options, report(found), ok=ok, checks=[asdict(check) for check in found])
+    return int(not ok)
 
 
 def _viewer() -> Check:

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from .answer import add_json, answer
 from .arguments import user_path
 from .parser import command
 
@@ -75,6 +76,7 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--directx", action="store_true", help="normal maps (PNG) with y down, as Unreal wants"
     )
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -97,5 +99,6 @@ def run(options: argparse.Namespace) -> int:
             layout=options.layout,
             scalp=options.scalp,
         )
-    print(path)
+    names = sorted(file.name for file in path.iterdir() if file.is_file())
+    answer(options, path, folder=path, files=[path / name for name in names])
     return 0

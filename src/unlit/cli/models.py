@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingsError
+from .answer import add_json, answer
 from .arguments import user_path
 from .parser import command
+
+if TYPE_CHECKING:
+    from ..machine.assets import AssetStatus
+    from ..machine.manifest import Asset
 
 #: The models of other commands may be missing.
 _NEEDED = "reconstruct"
@@ -41,41 +46,70 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "folder", type=user_path, nargs="?", metavar="FOLDER", help="with add: its files"
     )
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     from ..machine import assets
 
     if options.action == "add":
-        return _add(options.name, options.folder)
+        return _add(options, options.name, options.folder)
     if options.name is not None:
         raise SettingsError(f"{options.name}: has no use with {options.action}; leave it out")
     if options.action == "fetch":
         fetch()
     if options.action == "licences":
-        for entry in assets.ASSETS.values():
-            print(f"{entry.name}\n  {entry.purpose}\n  {entry.licence}: {entry.licence_url}")
-            print(f"  from {entry.origin}")
+        answer(options, _licences(), models=[_entry(entry) for entry in assets.ASSETS.values()])
         return 0
-    found = assets.statuses()
-    for status in found:
-        entry = status.asset
-        print(f"{entry.name}  {entry.size / 1e6:.1f} MB  {entry.licence}\n  {entry.purpose}")
-        optional = "" if entry.command == _NEEDED else f" (only `unlit {entry.command}` needs it)"
-        print(f"  {status.problem + optional if status.problem else f'verified: {status.path}'}")
-        if options.action == "verify":
-            print(f"  sha256 {entry.sha256}")
     from ..head.files import added
 
-    for name, path in added().items():
-        print(f"{name}  head model, for --model {name}\n  {path}")
-    if any(status.problem for status in found):
-        print("`unlit models fetch` gets what is missing.")
+    found, others = assets.statuses(), added()
+    answer(
+        options,
+        _statuses(found, others, options.action == "verify"),
+        models=[{**_entry(s.asset), "path": s.path, "problem": s.problem} for s in found],
+        added=[{"name": name, "path": path} for name, path in others.items()],
+    )
     bad = any(s.problem and (s.path is not None or s.asset.command == _NEEDED) for s in found)
     return int(bad and options.action == "verify")
 
 
-def _add(name: str | None, folder: str | None) -> int:
+def _entry(entry: Asset) -> dict[str, Any]:
+    """What is known of a model file, for scripts."""
+    names = ("name", "purpose", "size", "sha256", "licence", "licence_url", "origin", "command")
+    return {name: getattr(entry, name) for name in names}
+
+
+def _licences() -> str:
+    from ..machine import assets
+
+    return "\n".join(
+        f"{entry.name}\n  {entry.purpose}\n  {entry.licence}: {entry.licence_url}\n"
+        f"  from {entry.origin}"
+        for entry in assets.ASSETS.values()
+    )
+
+
+def _statuses(found: list[AssetStatus], added: dict[str, Path], with_sums: bool) -> str:
+    lines: list[str] = []
+    for status in found:
+        entry = status.asset
+        optional = "" if entry.command == _NEEDED else f" (only `unlit {entry.command}` needs it)"
+        lines += [
+            f"{entry.name}  {entry.size / 1e6:.1f} MB  {entry.licence}",
+            f"  {entry.purpose}",
+            f"  {status.problem + optional if status.problem else f'verified: {status.path}'}",
+        ]
+        if with_sums:
+            lines.append(f"  sha256 {entry.sha256}")
+    for name, path in added.items():
+        lines += [f"{name}  head model, for --model {name}", f"  {path}"]
+    if any(status.problem for status in found):
+        lines.append("`unlit models fetch` gets what is missing.")
+    return "\n".join(lines)
+
+
+def _add(options: argparse.Namespace, name: str | None, folder: str | None) -> int:
     """Make a head model of the files in `folder`."""
     if name is None or folder is None:
         raise SettingsError("name the model and its files, as in: unlit models add ict FOLDER")
@@ -84,7 +118,7 @@ def _add(name: str | None, folder: str | None) -> int:
 
     with StepConsole() as progress:
         path = library.add(name, Path(folder), progress)
-    print(path)
+    answer(options, path, file=path)
     return 0
 
 

@@ -28,7 +28,7 @@ def command(
     )
     # What begins like a number is a value, as from Python 3.14 on: -30,10 is no option.
     parser._negative_number_matcher = re.compile(r"-\.?\d")
-    parser.set_defaults(run=run, again=", run it again")
+    parser.set_defaults(run=run, command=name, again=", run it again")
     return parser
 
 

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import OutputError, SettingsError
 from . import models
+from .answer import add_json, answer
 from .arguments import user_path
 from .parser import command, refuse_unused
 from .settings import add_settings, assigned, settings_of
 
 if TYPE_CHECKING:
-    from ..output.atlas import Atlas
+    from ..face.reconstruction import Reconstruction
+    from ..output.save import Page
     from ..progress.console import RunConsole
     from ..progress.log import Log
     from ..settings.settings import Settings
@@ -77,6 +79,7 @@ def add(commands: Any) -> None:
         "as the start; into DIR, or that of -o",
     )
     add_settings(parser, "standard")
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -120,19 +123,42 @@ def _photo_of_run(folder: Path) -> str:
     return photo
 
 
-def _say_finished(folder: Path) -> None:
+def _say_finished(options: argparse.Namespace, folder: Path, result: Reconstruction) -> None:
     """Print the montage's path, the only result, and beside it what can be done next."""
     import shlex
 
     from ..report.bundle import missing_because, program
     from ..storage.folder import REPORT
 
-    print(folder / "montage.png")
+    answer(options, folder / "montage.png", **(_fields(folder, result) if options.json else {}))
     name = shlex.quote(str(folder))
     print(f"open {folder / REPORT} in a browser, or run `unlit view {name}`", file=sys.stderr)
     if program() is None:
         why = f"{missing_because()}; `unlit doctor` says what to do"
         print(f"the report is without its viewer in three dimensions: {why}", file=sys.stderr)
+
+
+def _fields(folder: Path, result: Reconstruction) -> dict[str, Any]:
+    """For scripts: what was written, how well it fits, and what it took."""
+    from ..evaluate.metrics import psnr
+    from ..output.save import RESULT_FILES
+
+    inside, metrics = result.face.mask > 0, result.metrics
+    match = psnr(result.images.render, result.photo.image, inside) if inside.any() else None
+    files = sorted(folder / name for name in RESULT_FILES if (folder / name).exists())
+    return {
+        "folder": folder,
+        "files": files,
+        "warnings": list(metrics.warnings),
+        "metrics": {
+            "render_psnr_db": match,
+            "landmark_residual": result.head.landmark_residual,
+            "unit_cd_m2": result.photo.white_luminance,
+            "losses": {stage: points[-1][1] for stage, points in metrics.losses.items() if points},
+            "steps_seconds": metrics.seconds,
+            "peak_memory_mb": metrics.peak_memory_mb,
+        },
+    }
 
 
 def reconstruct_into(
@@ -152,6 +178,7 @@ def reconstruct_into(
 
     folder = Path(options.output)
     with reserve(folder, RESULT_FILES, needed_bytes(settings.resolution)) as preview:
+        options.preview = preview
         photo = read()
         models.fetch("reconstruct")
         from ..head.sources.library import head_model
@@ -161,9 +188,9 @@ def reconstruct_into(
         head = head_model(settings.head_model)
         checkpoint = Checkpoint(folder / CHECKPOINT, resume, _absolute(options))
         if resume and not checkpoint.stage and (folder / MARK).exists():
-            _check_finished(folder, photo, settings)
+            finished = _finished(folder, photo, settings)
             print(f"{folder}: finished before, nothing to resume", file=sys.stderr)
-            _say_finished(folder)
+            _say_finished(options, folder, finished)
             return 0
         height, width = photo.pixels.shape[:2]
         facts = {"photo": f"{photo.source}, {width} x {height}, {photo.colours}"}
@@ -188,7 +215,7 @@ def reconstruct_into(
                 checkpoint=checkpoint,
             )
             _save(console.log, result, folder, states)
-    _say_finished(folder)
+    _say_finished(options, folder, result)
     return 0
 
 
@@ -198,8 +225,8 @@ def _absolute(options: argparse.Namespace) -> str:
     return str(Path(photo).absolute()) if photo else ""
 
 
-def _check_finished(folder: Path, photo: Any, settings: Any) -> None:
-    """Raise OutputError if the result in `folder` is not what is asked for: it is not replaced."""
+def _finished(folder: Path, photo: Any, settings: Any) -> Reconstruction:
+    """The result in `folder`. Raises OutputError if it is not what is asked for: it stays."""
     from ..output.load import load
 
     found = load(folder)
@@ -208,6 +235,7 @@ def _check_finished(folder: Path, photo: Any, settings: Any) -> None:
             f"{folder}: holds a finished result of {found.photo.name} and nothing to resume; leave "
             "--resume out to replace it"
         )
+    return found
 
 
 def _continue(options: argparse.Namespace) -> int:
@@ -241,7 +269,7 @@ def _continue(options: argparse.Namespace) -> int:
             states = _States(preview)
             result = resume(face, stage, settings, console, states)
             _save(console.log, result, folder, states)
-    _say_finished(folder)
+    _say_finished(options, folder, result)
     return 0
 
 
@@ -296,8 +324,8 @@ def _save(log: Log, result: Any, folder: Path, states: _States) -> None:
         log.say(f"unit_cd_m2  {luminance:.4g}")
     for warning in result.metrics.warnings:
         log.say(f"warning  {warning}")
-    pages: dict[str, Callable[[Atlas], bytes]] = {
-        STAGES: lambda atlas: pack_stages(states.taken),
-        REPORT: lambda atlas: report_html(result, atlas, states.taken).encode(),
+    pages: dict[str, Page] = {
+        STAGES: lambda atlas, pictures: pack_stages(states.taken),
+        REPORT: lambda atlas, pictures: report_html(result, atlas, states.taken, pictures).encode(),
     }
     save(result, folder, log.text(), pages)

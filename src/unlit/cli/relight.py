@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from .answer import add_json, answer
 from .arguments import user_path
 from .parser import command
 
@@ -32,6 +33,7 @@ def add(commands: Any) -> None:
     )
     _add_light(parser)
     _add_picture(parser)
+    add_json(parser)
 
 
 def _add_light(parser: argparse.ArgumentParser) -> None:
@@ -109,5 +111,5 @@ def run(options: argparse.Namespace) -> int:
         path = relight(
             Path(options.folder), Path(options.output), RelightRequest(**asked), progress
         )
-    print(path)
+    answer(options, path, file=path)
     return 0

@@ -6,8 +6,12 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ..errors import SettingsError
+from .answer import add_json, answer
 from .arguments import user_path
 from .parser import command, whole_number
+
+_COMPARISON = "unlit-comparison.html"
 
 
 def add(commands: Any) -> None:
@@ -25,11 +29,12 @@ def add(commands: Any) -> None:
         commands,
         "report",
         run_report,
-        "write a result's report anew: one page with all maps and a viewer",
+        "write a result's report anew, or compare two results on one page",
         "Write DIR/report.html of a saved result anew and print its path. The page needs no "
         "network and no other file: photo, maps, stages, losses, settings, and the head in three "
-        "dimensions under lights that you choose.",
-        "  unlit report portrait",
+        "dimensions under lights that you choose. Given a second folder, OTHER, write one page "
+        "with both results side by side and say what differs.",
+        "  unlit report portrait\n  unlit report portrait portrait-draft -o compared.html",
     )
     view = command(
         commands,
@@ -41,6 +46,8 @@ def add(commands: Any) -> None:
         "none. Without a server: open DIR/report.html from disk.",
         "  unlit view portrait\n  unlit view portrait --no-browser --port 8000",
     )
+    for parser in (montage, report):
+        add_json(parser)
     for parser in (montage, report, view):
         parser.add_argument(
             "folder",
@@ -48,6 +55,15 @@ def add(commands: Any) -> None:
             metavar="DIR",
             help="a folder that `unlit reconstruct` wrote",
         )
+    report.add_argument(
+        "other", type=user_path, metavar="OTHER", nargs="?", help="another, to compare DIR with"
+    )
+    report.add_argument(
+        *("-o", "--output"),
+        type=user_path,
+        metavar="FILE",
+        help=f"page to write, of two results ({_COMPARISON})",
+    )
     view.add_argument("--no-browser", action="store_true", help="only print the address")
     port = whole_number(0, 65535)
     view.add_argument(
@@ -62,17 +78,24 @@ def run_montage(options: argparse.Namespace) -> int:
 
     path = Path(options.folder) / "montage.png"
     write_one(path, montage_png(load(options.folder)))
-    print(path)
+    answer(options, path, file=path)
     return 0
 
 
 def run_report(options: argparse.Namespace) -> int:
     from ..progress.console import StepConsole
+    from ..report.comparison import write_comparison
     from ..report.page import write_report
 
+    if options.other is None and options.output is not None:
+        raise SettingsError("-o has a use with two folders only; leave it out, or name OTHER")
     with StepConsole() as progress:
-        path = write_report(options.folder, progress)
-    print(path)
+        if options.other is None:
+            path = write_report(options.folder, progress)
+        else:
+            folders = Path(options.folder), Path(options.other)
+            path = write_comparison(folders, Path(options.output or _COMPARISON), progress)
+    answer(options, path, file=path)
     return 0
 
 

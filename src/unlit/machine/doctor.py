@@ -1,4 +1,8 @@
-"""What works on this machine, what does not, and how to mend it. Computes; prints nothing."""
+"""What works on this machine, what does not, and how to mend it. Computes; prints nothing.
+
+It needs nothing but Python itself, so that it can tell which package is broken: what is compiled
+is tried in processes of their own, the rest is imported where it is looked at.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import UnlitError
-from . import assets
 from .cost import cores
-from .runtime import llvm_library
+from .runtime import kernel_cache, llvm_library
 
 # A run at the paper's settings (512 x 512) stays below this.
 NEEDED_MEMORY = 3 << 30
@@ -28,9 +31,26 @@ EXTRAS = {
     "usd": (("pxr",), "`unlit export --format usd`"),
     "video": (("av",), "MP4 of `unlit relight`"),
     "batch": (("distributed", "fsspec", "cryptography", "psutil"), "`unlit batch`"),
+    "dashboard": (("bokeh",), "`unlit batch --dashboard`"),
     "parquet": (("pyarrow",), "a batch's table as Parquet"),
     "raw": (("rawpy",), "raw files of cameras"),
     "jxl": (("pillow_jxl",), "JPEG XL of 8 bits"),
+}
+#: What else has compiled parts: the module, its package, and a line that makes it work a little.
+_LIBRARIES = {
+    "numpy": ("numpy", "numpy.linalg.inv(numpy.eye(3))"),
+    "scipy": ("scipy", "import scipy.sparse.linalg, scipy.ndimage"),
+    "cv2": ("opencv-python-headless", "cv2.getRotationMatrix2D((1, 1), 30, 1)"),
+    "PIL": ("pillow", "from PIL import Image, ImageFont; Image.new('RGB', (8, 8)).resize((4, 4))"),
+    "pillow_heif": ("pillow-heif", "pillow_heif.libheif_version()"),
+    "skimage": ("scikit-image", "import skimage.measure"),
+    "ai_edge_litert": ("ai-edge-litert", "import ai_edge_litert.interpreter"),
+    "cholespy": ("cholespy", "cholespy.MatrixType"),
+    "msgspec": ("msgspec", "msgspec.json.encode([1])"),
+    "platformdirs": ("platformdirs", "platformdirs.user_cache_path"),
+    "rich": ("rich", "import rich.progress"),
+    "threadpoolctl": ("threadpoolctl", "threadpoolctl.threadpool_info()"),
+    "tomli_w": ("tomli-w", "tomli_w.dumps({})"),
 }
 _PYTHON = ((3, 11), (3, 14))
 _PROBE_SECONDS = 120
@@ -52,6 +72,21 @@ assert dr.all(scene.ray_test(mi.Ray3f([0, 0, -5], [0, 0, 1])))
 llvm = ".".join(map(str, dr.detail.llvm_version()))
 print(json.dumps({"mitsuba": mi.__version__, "drjit": dr.__version__,
                   "variant": mi.variant(), "llvm": llvm}))
+"""
+
+
+# Run by another process with names of modules and lines: one that crashes is the last it named.
+_TRY = """
+import importlib, os, sys
+for name, line in zip(sys.argv[1::2], sys.argv[2::2]):
+    print("trying", name, flush=True)
+    try:
+        exec(line, {name: importlib.import_module(name)})
+    except BaseException as error:
+        print("failed", type(error).__name__ + ":", " ".join(str(error).split()), flush=True)
+    else:
+        print("fine", flush=True)
+os._exit(0)  # what libraries do on leaving is none of ours
 """
 
 
@@ -78,12 +113,25 @@ def checks() -> list[Check]:
         *looked("python", lambda: [_python()]),
         Check("system", True, f"{platform.system()} {platform.machine()}"),
         *looked("renderer", _renderer),
+        *looked("libraries", _libraries),
+        *looked("kernels", lambda: [_kernels()]),
         *looked("models", _models),
         *looked("memory", lambda: [_memory()]),
         *looked("disk", lambda: [_disk()]),
-        *looked("cores", lambda: [Check("cores", True, f"{cores()} usable")]),
+        *looked("cores", lambda: [_cores()]),
         *looked("extras", _extras),
     ]
+
+
+def report(found: list[Check]) -> str:
+    """`found` for people, a line or two each."""
+    width = max(len(check.name) for check in found)
+    lines: list[str] = []
+    for check in found:
+        lines.append(f"{'ok ' if check.ok else 'BAD'}  {check.name:<{width}}  {check.detail}")
+        if check.remedy:
+            lines.append(f"     {'':<{width}}  -> {check.remedy}")
+    return "\n".join(lines)
 
 
 def looked(name: str, look: Callable[[], list[Check]]) -> list[Check]:
@@ -152,7 +200,68 @@ def _trouble(probe: subprocess.CompletedProcess[str], llvm: str) -> tuple[str, s
     return f"{last}; LLVM library: {llvm}", _LLVM_REMEDY
 
 
+def _libraries() -> list[Check]:
+    """Everything else that is imported, each tried where a crash does no harm."""
+    left, broken = list(_LIBRARIES), list[Check]()
+    while left:
+        arguments = [word for name in left for word in (name, _LIBRARIES[name][1])]
+        ran = subprocess.run(
+            [sys.executable, "-c", _TRY, *arguments],
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=_PROBE_SECONDS,
+            check=False,
+        )
+        name = ""
+        for line in ran.stdout.splitlines():
+            what, _, rest = line.partition(" ")
+            if what == "trying":
+                name = rest
+                left.remove(name)
+            elif what == "failed":
+                broken.append(_broken(name, rest[:300]))
+        if ran.returncode != 0:
+            why = f"signal {-ran.returncode}" if ran.returncode < 0 else f"code {ran.returncode}"
+            broken.append(_broken(name, f"ends the process ({why})"))
+            if not name:
+                break
+    return broken or [Check("libraries", True, ", ".join(_LIBRARIES))]
+
+
+def _broken(name: str, why: str) -> Check:
+    package = _LIBRARIES[name][0] if name else "unlit"
+    remedy = f"`pip install --force-reinstall {package}`"
+    return Check(f"library {name}".strip(), False, f"{package}: {why}", remedy)
+
+
+def _kernels() -> Check:
+    """Without a place for them all else works, only slower."""
+    folder = kernel_cache() if os.name == "posix" else Path("in the user's own folder")
+    if folder is not None:
+        return Check("kernels", True, f"kept in {folder}")
+    remedy = "to keep them, set DRJIT_CACHE_DIR to a folder that can be written, on a local disk"
+    return Check("kernels", True, "not kept: every run compiles them anew, some seconds", remedy)
+
+
+def _cores() -> Check:
+    return Check("cores", True, f"{cores()} usable{_vectors()}")
+
+
+def _vectors() -> str:
+    """What the processor computes with, where Linux tells; LLVM makes use of the widest."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        flags = next(line for line in lines if line.startswith("flags")).split()
+    except (OSError, StopIteration):
+        return ""
+    widest = next((n for n in ("avx512vl", "avx2", "avx") if n in flags), None)
+    return f", {widest.upper()}" if widest else ", without AVX: slower, and never tried"
+
+
 def _models() -> list[Check]:
+    from . import assets
+
     found: list[Check] = []
     for status in assets.statuses():
         if status.asset.command != "reconstruct":
@@ -172,9 +281,9 @@ def _extras() -> list[Check]:
     found: list[Check] = []
     for name, (modules, purpose) in EXTRAS.items():
         missing = [module for module in modules if importlib.util.find_spec(module) is None]
-        detail = f"not installed ({', '.join(missing)}): {purpose}" if missing else purpose
+        state = f"not installed ({', '.join(missing)})" if missing else "installed"
         remedy = f"for it, `pip install 'unlit[{name}]'`" if missing else ""
-        found.append(Check(f"extra {name}", True, detail, remedy))
+        found.append(Check(f"extra {name}", True, f"{state}: {purpose}", remedy))
     return found
 
 
@@ -214,6 +323,8 @@ def _free_memory() -> int | None:
 
 
 def _disk() -> Check:
+    from . import assets
+
     folder = assets.cache_folder()
     existing = next(place for place in (folder, *folder.parents) if place.exists())
     free = shutil.disk_usage(existing).free

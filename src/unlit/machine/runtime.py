@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
-import sys
+import re
 from collections.abc import Generator
 from pathlib import Path
 from types import ModuleType
@@ -17,6 +17,8 @@ from types import ModuleType
 from ..errors import MachineError
 
 VARIANT_VARIABLE = "UNLIT_VARIANT"
+_KERNELS_VARIABLE = "DRJIT_CACHE_DIR"
+_LLVM_PACKAGE = "karellen-llvm-core"
 _LLVM_HELP = (
     "no usable LLVM library was found: install one with `pip install karellen-llvm-core` "
     "(Linux x86-64) or your system's LLVM 16 or newer, and set DRJIT_LIBLLVM_PATH to its libLLVM"
@@ -26,25 +28,53 @@ _LLVM_HELP = (
 def llvm_library() -> Path | None:
     """Path of the libLLVM to load: the user's own choice first, then the wheel's, else None.
 
-    None leaves the search to Dr.Jit, which looks in the system's usual places.
+    The wheel's own list of files tells where pip has put it: into a virtual environment, the
+    user's folder (--user), a folder of its own (--target), or /usr/local, as Debian's does for
+    root. None leaves the search to Dr.Jit, which looks in the system's usual places.
     """
     chosen = os.environ.get("DRJIT_LIBLLVM_PATH")
     if chosen:
         return Path(chosen)
-    for prefix in (sys.prefix, sys.base_prefix):
-        found = sorted(Path(prefix, "lib").glob("libLLVM.so.*")) or sorted(
-            Path(prefix, "lib").glob("libLLVM*.so")
-        )
-        if found:
-            return found[-1]
-    return None
+    import importlib.metadata
+
+    try:
+        files = importlib.metadata.files(_LLVM_PACKAGE) or []
+    except importlib.metadata.PackageNotFoundError:
+        return None
+    named = (file for file in files if re.fullmatch(r"libLLVM(-\d+)?\.so(\.[\d.]+)?", file.name))
+    found = {Path(str(file.locate())).resolve() for file in named}
+    return max((path for path in found if path.is_file()), default=None)
 
 
-def point_to_llvm() -> None:
-    """Tell Dr.Jit which libLLVM to load; has to happen before anything imports drjit."""
+def prepare() -> None:
+    """Tell Dr.Jit which libLLVM to load and where kernels are kept, before anything imports it."""
     library = llvm_library()
     if library is not None:
         os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
+    posix = os.name == "posix"  # elsewhere Dr.Jit has a place of its own
+    if posix and _KERNELS_VARIABLE not in os.environ and (folder := kernel_cache()) is not None:
+        os.environ[_KERNELS_VARIABLE] = str(folder)
+
+
+def kernel_cache() -> Path | None:
+    """Where compiled kernels are kept from run to run; None where no folder can be written to.
+
+    The user's own choice; else Dr.Jit's folder in the home; else, as in containers whose home is
+    read-only, one in XDG_CACHE_HOME.
+    """
+    if chosen := os.environ.get(_KERNELS_VARIABLE):
+        places = [Path(chosen)]
+    else:
+        kept = {"HOME": ".drjit", "XDG_CACHE_HOME": "unlit/kernels"}
+        named = ((os.environ.get(variable), name) for variable, name in kept.items())
+        places = [Path(folder, name) for folder, name in named if folder]
+    return next((place for place in places if _writable(place)), None)
+
+
+def _writable(folder: Path) -> bool:
+    """Whether `folder` can be written to, or made."""
+    there = next((place for place in (folder, *folder.parents) if place.exists()), None)
+    return there is not None and there.is_dir() and os.access(there, os.W_OK | os.X_OK)
 
 
 @functools.cache

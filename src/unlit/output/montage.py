@@ -10,9 +10,9 @@ from PIL import Image, ImageDraw, ImageFont
 from ..color import encode_srgb
 from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba
-from ..render.relighter import Relighter
-from ..scene.light import RASTER, disc, flash, latlong_directions, latlong_solid_angles
+from ..scene.light import latlong_directions, latlong_solid_angles
 from .images import bytes_of, encoded, normals, png, tone_mapped
+from .relit import LIGHTS, Relit, relit
 
 _TILE = 320
 _CAPTION = 24
@@ -25,23 +25,22 @@ _PREVIEW_TILE = 256
 Tile = tuple[str, Callable[[Reconstruction], np.ndarray]]
 
 
-def montage(reconstruction: Reconstruction) -> np.ndarray:
+def montage(reconstruction: Reconstruction, pictures: Relit | None = None) -> np.ndarray:
     """(H, W, 3) uint8 sRGB: photo, render, error, maps, light, mesh, and three new lights.
 
-    The lights have a fixed strength, so that faces can be compared: a white card that faces the
-    flash or the side light renders as 1.
+    pictures: of `relit`, where they are there already.
     """
-    relighter = Relighter(reconstruction.face)
-    relit: list[Tile] = [
-        (caption, lambda _, light=light: encoded(relighter(light())))
-        for caption, light in _LIGHTS.items()
+    lit = relit(reconstruction) if pictures is None else pictures
+    new: list[Tile] = [
+        (f"new light: {LIGHTS[name].caption}", lambda _, picture=picture: picture)
+        for name, picture in lit.items()
     ]
-    return _sheet(reconstruction, (*_TILES, *relit), columns=4, tile=_TILE)
+    return _sheet(reconstruction, (*_TILES, *new), columns=4, tile=_TILE)
 
 
-def montage_png(reconstruction: Reconstruction) -> bytes:
+def montage_png(reconstruction: Reconstruction, pictures: Relit | None = None) -> bytes:
     """The montage as a PNG file."""
-    return png(montage(reconstruction))
+    return png(montage(reconstruction, pictures))
 
 
 def preview_png(reconstruction: Reconstruction) -> bytes:
@@ -99,16 +98,6 @@ def light(r: Reconstruction) -> np.ndarray:
     return picture
 
 
-def outdoors() -> np.ndarray:
-    """Environment map (180, 360, 3) of an open sky: blue above, bright horizon, ground, low sun."""
-    up = latlong_directions(*RASTER)[..., 1:2]
-    zenith, horizon, ground = np.array([[0.35, 0.55, 1.0], [0.9, 0.9, 0.9], [0.22, 0.19, 0.15]])
-    sky = horizon + (zenith - horizon) * np.sqrt(np.maximum(up, 0))
-    blend = 1 / (1 + np.exp(-up / 0.05))
-    sun = disc((-0.6, 0.55, 0.6), irradiance=0.7, half_angle=6)[..., None] * (1.0, 0.86, 0.66)
-    return (ground + (sky - ground) * blend + sun).astype(np.float32)
-
-
 def _inside(r: Reconstruction) -> np.ndarray:
     return (r.face.mask > 0)[..., None]
 
@@ -134,13 +123,6 @@ _TILES: tuple[Tile, ...] = (
     ("diffuse normals", lambda r: normals(r.face.normals.diffuse * _inside(r))),
     _LIGHT,
 )
-_LIGHTS = {
-    "new light: frontal flash": flash,
-    "new light: 60 degrees from the right": lambda: disc(
-        (np.sin(np.radians(60)), 0.0, np.cos(np.radians(60)))
-    ),
-    "new light: outdoors": outdoors,
-}
 _PREVIEW_TILES = (_PHOTO, _RENDER, _CLAY, _DIFFUSE, _NORMALS, _LIGHT)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -13,13 +14,14 @@ import numpy as np
 
 from ..face.reconstruction import Reconstruction
 from ..progress.callbacks import StepProgress, silent
-from ..storage.folder import CHECKPOINT, MARK, REPORT, STAGES, write_all
+from ..storage.folder import CHECKPOINT, MARK, REPORT, STAGES, THUMBNAIL, write_all
 from .arrays import write_arrays
 from .export import FORMATS, Contents, ExportJob, told, writers_of
 from .images import DISPLACEMENT_PNG, MAPS, exr, height_levels, png
 from .layout import atlas_size, laid_out
 from .metrics import metrics_json
 from .montage import montage_png
+from .relit import Relit, relit
 from .result_file import result_toml
 from .segmentation import segmentation_png
 from .textures import DISPLACEMENT, PNGS
@@ -60,8 +62,12 @@ FILES = {
     **_OTHER_FILES,
     LOG: "what the run printed",
 }
-#: All names that `unlit reconstruct` leaves in a folder.
-RESULT_FILES = frozenset({*FILES, REPORT, STAGES})
+#: What a result can do without.
+PAGES = (REPORT, STAGES, THUMBNAIL)
+#: All names that a result's folder may have.
+RESULT_FILES = frozenset({*FILES, *PAGES})
+#: What makes a page's content, of the atlas and the relit pictures.
+Page = Callable[["Atlas", Relit], bytes]
 
 
 def needed_bytes(resolution: int) -> int:
@@ -73,13 +79,13 @@ def save(
     reconstruction: Reconstruction,
     folder: str | Path,
     log: str = "",
-    pages: Mapping[str, Callable[[Atlas], bytes]] | None = None,
+    pages: Mapping[str, Page] | None = None,
     progress: StepProgress = silent,
 ) -> None:
     """Write all files of `reconstruction` into `folder`, or none; an older result is replaced.
 
-    log: what the run said, kept as reconstruction.log. pages: by name (REPORT, STAGES), what makes
-    the content of a page from the atlas; those of an older result go. A run's checkpoint in the
+    log: what the run said, kept as reconstruction.log. pages: by name (PAGES), what makes the
+    content of a page; those of an older result go. A run's checkpoint in the
     folder is removed; files of other names stay.
     Raises OutputError if the folder cannot be written, or holds somebody else's file under one of
     the names to be written.
@@ -90,6 +96,7 @@ def save(
     progress("baking the atlas", 0, 2)
     laid = laid_out(r, LAYOUT)
     atlas = bake(laid, atlas_size(r))
+    pictures = functools.cache(lambda: relit(r))  # for the montage and the pages
     texts = {
         "light.json": _json(_light(r)),
         "camera.json": _json(_camera(r)),
@@ -98,7 +105,7 @@ def save(
         LOG: log,
     }
     contents: Contents = {
-        "montage.png": lambda: montage_png(r),
+        "montage.png": lambda: montage_png(r, pictures()),
         "segmentation.png": lambda: segmentation_png(r),
     }
     for name, (array, look) in MAPS.items():
@@ -110,9 +117,10 @@ def save(
         contents |= FORMATS[name](ExportJob(laid, atlas, False, "", LAYOUT))
     contents |= {name: text.encode for name, text in texts.items()}
     assert {*contents, _ARRAYS} == FILES.keys()
-    contents |= {name: partial(page, atlas) for name, page in (pages or {}).items()}
+    for name, page in (pages or {}).items():
+        contents[name] = lambda page=page: page(atlas, pictures())
     writers = {**writers_of(contents), _ARRAYS: partial(write_arrays, r)}
-    write_all(Path(folder), told(writers, progress), obsolete=(REPORT, STAGES))
+    write_all(Path(folder), told(writers, progress), obsolete=PAGES)
     with contextlib.suppress(OSError):
         (Path(folder) / CHECKPOINT).unlink(missing_ok=True)
     progress("done", len(writers) + 1, len(writers) + 1)

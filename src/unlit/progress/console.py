@@ -9,14 +9,16 @@ from __future__ import annotations
 import importlib.util
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, Self
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn
+from rich.text import Text
 
 from .log import LABELS, Log, clock, progress_text
+from .time_left import TimeLeft
 
 
 def standard_error() -> Console:
@@ -29,6 +31,14 @@ def _redraws(console: Console) -> bool:
     if console.is_jupyter:
         return importlib.util.find_spec("ipywidgets") is not None
     return console.is_terminal
+
+
+class _Clock(ProgressColumn):
+    """Time since a bar was begun. It moves also while a step has nothing new to tell."""
+
+    def render(self, task: Task) -> Text:
+        first = task.id == 0  # those below it (show_parts) are of others' work
+        return Text(clock(task.elapsed or 0) if first else "")
 
 
 class Display:
@@ -44,12 +54,14 @@ class Display:
         self._said = -math.inf
         self._bar = Progress(
             BarColumn(bar_width=24),
+            _Clock(),
             TextColumn("{task.description}", markup=False),
             console=self.console,
             transient=True,
             disable=not self.redraws,
         )
         self._task = self._bar.add_task("", total=1.0)
+        self._parts: list[TaskID] = []
 
     def __enter__(self) -> Self:
         return self
@@ -60,6 +72,19 @@ class Display:
     def say(self, line: str) -> None:
         """Print a line that stays."""
         self.console.print(line, markup=False)
+
+    def show_parts(self, parts: Sequence[tuple[float, str]]) -> None:
+        """Below the bar, one for each of what is done at the same time: share and text.
+
+        Only where bars can be redrawn; of lines there would be too many.
+        """
+        if not self.redraws:
+            return
+        while len(self._parts) < len(parts):
+            self._parts.append(self._bar.add_task("", total=1.0))
+        for number, task in enumerate(self._parts):
+            share, text = parts[number] if number < len(parts) else (0.0, "")
+            self._bar.update(task, completed=share, description=text, visible=number < len(parts))
 
     def show(self, share: float, text: str, line: str = "", now: bool = False) -> None:
         """`share`, 0 to 1, is done of what `text` names.
@@ -84,27 +109,21 @@ class RunConsole(Display):
     def __init__(self, plan: Mapping[str, float], console: Console | None = None) -> None:
         super().__init__(console)
         self.log = Log(self.say)
-        self._plan = plan
+        self._time_left = TimeLeft(plan)
         self._step = ""
 
     def __call__(self, step: str, iteration: int, iterations: int, loss: float) -> None:
         self.log(step, iteration, iterations, loss)
         begins, self._step = step != self._step, step
         label, seconds = LABELS.get(step, step), self.log.seconds
-        share = self._share(step, iteration / max(iterations, 1))
-        # At the very start nothing has been measured that the time left could be scaled to.
-        known = share > 0.02 and seconds > 1
-        left = f"{clock(seconds * (1 - share) / share)} left" if known else ""
+        part = iteration / max(iterations, 1)
+        share, rest = (
+            self._time_left.share(step, part),
+            self._time_left.seconds(step, part, seconds),
+        )
+        left = "" if rest is None else f"{clock(rest)} left"
         parts = [part for part in (label, progress_text(iteration, iterations, loss), left) if part]
         self.show(share, "  ".join(parts), "  ".join((clock(seconds), *parts)), begins)
-
-    def _share(self, step: str, part: float) -> float:
-        """Estimated share of the whole run that is done."""
-        names = list(self._plan)
-        if step not in names:
-            return 0.0
-        before = sum(self._plan[name] for name in names[: names.index(step)])
-        return (before + self._plan[step] * part) / sum(self._plan.values())
 
 
 class FetchConsole(Display):

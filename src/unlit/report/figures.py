@@ -12,6 +12,7 @@ from ..face.reconstruction import Reconstruction
 from ..output.atlas import BLENDED, DIFFUSED, MIRRORED, PLAIN, SEEN, Atlas
 from ..output.images import MAPS, bytes_of, encoded, webp, webp_exact
 from ..output.montage import clay, error, light
+from ..output.relit import LIGHTS, Relit
 from ..output.textures import normal_bytes
 from .scene import material
 from .stages import Stages
@@ -69,6 +70,18 @@ def photo(r: Reconstruction) -> str:
     return _compare(_pair(before, after), "photo", "re-rendering", "Photo and re-rendering")
 
 
+def relit(pictures: Relit) -> str:
+    """The face under each of the new lights."""
+    return "\n".join(
+        figure(
+            webp(picture, _LARGEST),
+            LIGHTS[name].caption.capitalize(),
+            attributes=f'id="relit-{name}"',
+        )
+        for name, picture in pictures.items()
+    )
+
+
 def overview(r: Reconstruction) -> str:
     """Error, mesh and light."""
     pictures = {
@@ -76,7 +89,7 @@ def overview(r: Reconstruction) -> str:
         "Mesh": clay(r),
         "Light, seen from the camera: as a map, on a matte and on a mirror ball": light(r),
     }
-    return "\n".join(_figure(webp(p, _LARGEST), caption) for caption, p in pictures.items())
+    return "\n".join(figure(webp(p, _LARGEST), caption) for caption, p in pictures.items())
 
 
 def maps(r: Reconstruction, atlas: Atlas) -> str:
@@ -87,9 +100,9 @@ def maps(r: Reconstruction, atlas: Atlas) -> str:
         if name in _FILLED:
             inside = r.face.mask > 0
             picture = picture * (inside if picture.ndim == 2 else inside[..., None])
-        found.append(_figure(webp(picture, _LARGEST), _MAPS[name]))
+        found.append(figure(webp(picture, _LARGEST), _MAPS[name]))
     raised = bytes_of(0.5 + atlas.crop_displacement / (2 * _HIGHEST))
-    found.append(_figure(webp(raised, _LARGEST), _DISPLACEMENT))
+    found.append(figure(webp(raised, _LARGEST), _DISPLACEMENT))
     return "\n".join(found)
 
 
@@ -105,7 +118,7 @@ def atlas_maps(atlas: Atlas) -> str:
         ),
     }
     return "\n".join(
-        _figure(webp_exact(pixels), caption, f'id="atlas-{name}"')
+        figure(webp_exact(pixels), caption, attributes=f'id="atlas-{name}"')
         for name, (caption, pixels) in pictures.items()
     )
 
@@ -136,7 +149,9 @@ def stages(taken: Stages) -> str:
         pairs = []
         for kind in (kind for kind in _KINDS if kind in pictures):
             name = f"{stage}-{kind}"
-            store.append(image(pictures[kind], "", f'id="{name}"'))
+            shown = image(pictures[kind], "", f'id="{name}"')
+            caption = f"{_STAGES[stage]}: {_KINDS[kind]}"
+            store.append(f"<figure>{shown}<figcaption>{caption}</figcaption></figure>")
             if kind in last and stage != "fit":
                 before, after = (_again(last[kind], "before"), _again(name, "after"))
                 hidden = "" if kind == "render" else " hidden"
@@ -152,10 +167,11 @@ def stages(taken: Stages) -> str:
         for kind, name in _KINDS.items()
     )
     return (
-        "<p>Each picture shows the state before the stage and after it; before the first there is "
-        "no re-rendering, so the photo stands in for it.</p>"
-        f'<fieldset class="kinds"><legend>Show</legend>{choices}</fieldset>'
-        f'<div class="grid stages">{"".join(figures)}</div><div hidden>{"".join(store)}</div>'
+        '<p class="scripted">Each picture shows the state before the stage and after it; before '
+        "the first there is no re-rendering, so the photo stands in for it.</p>"
+        f'<fieldset class="kinds scripted"><legend>Show</legend>{choices}</fieldset>'
+        f'<div class="grid stages scripted">{"".join(figures)}</div>'
+        f'<div class="grid plain">{"".join(store)}</div>'
     )
 
 
@@ -212,11 +228,12 @@ def _again(identity: str, alt: str) -> str:
     return f'<img data-from="{identity}" alt="{alt}">'
 
 
-def _figure(content: bytes, caption: str, attributes: str = "") -> str:
+def figure(content: bytes, caption: str, name: str = "", attributes: str = "") -> str:
+    """A <figure> of a WebP file that a click enlarges. name: for who hears it, if not `caption`."""
     shown = image(content, "", attributes)
     return (
         f'<figure><button class="picture" type="button" aria-pressed="false" '
-        f'aria-label="Enlarge: {escape(caption)}">{shown}</button>'
+        f'aria-label="Enlarge: {escape(name or caption)}">{shown}</button>'
         f"<figcaption>{escape(caption)}</figcaption></figure>"
     )
 

@@ -22,7 +22,7 @@ from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba
 from ..output.atlas import Atlas
 from ..output.images import bytes_of
-from ..output.montage import outdoors
+from ..output.relit import outdoors
 from ..render.visibility import trace, unpacked
 from ..scene.arrays import device
 from ..scene.cells import grid_cells

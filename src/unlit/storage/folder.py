@@ -27,8 +27,9 @@ MARK = "reconstruction.toml"
 MARK_TEXT = "# unlit reconstruction"
 #: What a running reconstruction shows of itself, in the target folder.
 PREVIEW = "unlit-preview.png"
-#: The page that shows a result, and the stages' pictures on it; a result can do without.
-REPORT, STAGES = "report.html", "stages.zip"
+#: The page that shows a result, the stages' pictures on it, and the picture that stands for a
+#: result on a batch's page; a result can do without.
+REPORT, STAGES, THUMBNAIL = "report.html", "stages.zip", "thumbnail.webp"
 #: What it can be resumed from, removed when the result is in place.
 CHECKPOINT = ".unlit-checkpoint.npz"
 
@@ -53,8 +54,8 @@ def reserve(folder: Path, names: Collection[str], need: int) -> Generator[Path]:
     """Make sure, before minutes of work, that a result can be written; leave no trace of a failure.
 
     folder: the target, made if need be. names: the files to come. need: bytes that must be free.
-    Yields the path for previews. On leaving, the preview is removed, and so are the folders made
-    here that are still empty. Raises OutputError.
+    Yields the path for previews. On leaving, the preview is removed, unless there is a checkpoint,
+    whose state it shows, and so are the folders made here that are still empty. Raises OutputError.
     """
     with _made(folder):
         with _explained(folder):
@@ -71,7 +72,8 @@ def reserve(folder: Path, names: Collection[str], need: int) -> Generator[Path]:
             yield folder / PREVIEW
         finally:
             with contextlib.suppress(OSError):
-                (folder / PREVIEW).unlink(missing_ok=True)
+                if not (folder / CHECKPOINT).exists():
+                    (folder / PREVIEW).unlink(missing_ok=True)
 
 
 def write_all(

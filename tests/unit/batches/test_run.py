@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from fsspec.implementations.memory import MemoryFileSystem
 
+import batch_stand_in
 import unlit
 from batch_stand_in import noted, picture
 from unlit import cli
@@ -65,6 +66,15 @@ class TestBatch:
         assert len(noted(log, "begin")) == 3
         table = list(csv.DictReader((folder / "batch.csv").open()))
         assert [line["photo"] for line in table] == [row.photo for row in rows]
+
+    def test_what_the_workers_are_at_is_told(self, photos, tmp_path, log, monkeypatch):
+        """Step and share of each photo at hand, and of no other."""
+        batch_stand_in.install(log, 3.0, patch=monkeypatch)
+        heard = []
+        batch(photos, str(tmp_path / "out"), watch=lambda counts, _: heard.extend(counts.working))
+        assert {progress.step for progress in heard} == {"stage1"}
+        assert {progress.place for progress in heard} <= {"x", "c"} | {p.job for p in heard}
+        assert all(0 <= progress.share < 1 for progress in heard)
 
     def test_only_what_changed_is_done_again(self, photos, tmp_path, log):
         """Another photo under the name, other settings, and a result that was deleted."""

@@ -12,6 +12,7 @@ pytest.importorskip("distributed", reason="needs the extra 'batch'")
 
 from unlit.batches.record import BatchRow
 from unlit.batches.run import Counts
+from unlit.batches.working import PhotoProgress
 from unlit.cli.batch_console import BatchConsole
 
 
@@ -54,3 +55,23 @@ def test_it_says_once_why_photos_are_done_again() -> None:
         "anew  4 photos: the earlier result is of another version of unlit (other code)",
         "0 of 5, 2 workers, 1 running for up to 0:00",
     ]
+
+
+def test_on_a_terminal_each_worker_has_a_line() -> None:
+    """Step and time left; the line goes when there is nothing to tell any more."""
+    text = io.StringIO()
+    console = Console(file=text, width=120, force_terminal=True)
+    working = [
+        PhotoProgress("a", "a", "stage3", 0.6, 42.0),
+        PhotoProgress("b", "b", "fit", 0.1, None),
+    ]
+    with BatchConsole(console) as watch:
+        watch(Counts(5, workers=2, running=2, working=working), [])
+        watch._bar.refresh()
+        shown = text.getvalue()
+        watch(Counts(5, workers=2, running=1, working=[]), [])
+        text.truncate(0)
+        watch._bar.refresh()
+    assert "a  stage 3: shape  0:42 left" in shown
+    assert "b  fitting the head" in shown
+    assert "stage 3" not in text.getvalue()

@@ -452,3 +452,28 @@ def test_the_public_names_exist_and_are_lazy():
     assert unlit.lights.flash().shape == (180, 360)
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
         _ = unlit.nonsense
+
+
+def test_an_interrupted_run_names_the_preview_that_stays(capsys, monkeypatch, tmp_path):
+    preview = tmp_path / "unlit-preview.png"
+
+    def stop(read, options, *_):
+        options.preview = preview
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli.reconstruct, "reconstruct_into", stop)
+    assert str(preview) not in run(capsys, "reconstruct", "a.jpg", "-o", "b")[2]
+    preview.touch()
+    assert f"{preview} shows how far it came" in run(capsys, "reconstruct", "a.jpg", "-o", "b")[2]
+
+
+def test_a_package_that_cannot_be_loaded_is_one_line(capsys, monkeypatch):
+    """The remedy is the doctor's to know; a mistake of our own is not hidden."""
+    broken = ImportError("libGL.so.1: cannot open shared object file", name="cv2")
+    monkeypatch.setattr(cli.reconstruct, "reconstruct_into", raiser(broken))
+    code, _, err = run(capsys, "reconstruct", "a.jpg", "-o", "b")
+    assert code == 1 and err.count("\n") == 1 and "libGL" in err and "unlit doctor" in err
+    ours = ImportError("no such name", name="unlit.head")
+    monkeypatch.setattr(cli.reconstruct, "reconstruct_into", raiser(ours))
+    with pytest.raises(ImportError):
+        run(capsys, "reconstruct", "a.jpg", "-o", "b")

@@ -1,6 +1,8 @@
 """doctor.py: says what is there, and names the remedy for what is not."""
 
+import os
 import platform
+import re
 import subprocess
 import sys
 import tomllib
@@ -166,3 +168,57 @@ def test_old_python(monkeypatch):
     check = doctor._python()
     assert not check.ok
     assert "3.11" in check.remedy
+
+
+def test_a_library_that_crashes_is_reported_and_the_others_are_tried(monkeypatch):
+    """By name, with what reinstalls it; one that raises likewise."""
+    libraries = {
+        "json": ("first", "json.dumps(1)"),
+        "os": ("crashes", "os.abort()"),
+        "csv": ("raises", "raise OSError('libx.so: cannot open')"),
+        "math": ("last", "math.sqrt(2)"),
+    }
+    monkeypatch.setattr(doctor, "_LIBRARIES", libraries)
+    found = by_name(doctor._libraries())
+    assert found.keys() == {"library os", "library csv"}
+    assert "ends the process (signal 6)" in found["library os"].detail
+    assert "OSError: libx.so: cannot open" in found["library csv"].detail
+    assert "--force-reinstall crashes" in found["library os"].remedy
+    del libraries["os"], libraries["csv"]
+    (check,) = doctor._libraries()
+    assert check.ok and check.detail == "json, math"
+
+
+def test_every_dependency_is_tried():
+    """Those of the renderer have a probe of their own; pip is only called."""
+    project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())
+    names = {re.split("[>;]", text)[0] for text in project["project"]["dependencies"]}
+    tried = {package for package, _ in doctor._LIBRARIES.values()}
+    assert names - tried == {"mitsuba", "karellen-llvm-core", "pip"}
+
+
+@pytest.mark.parametrize("module", ["msgspec", "platformdirs"])
+@pytest.mark.parametrize("command", ["doctor", "montage"])
+def test_a_broken_package_is_a_line_and_no_traceback(module, command, tmp_path):
+    """Whatever the package: the doctor names it, the other commands name the doctor."""
+    (tmp_path / f"{module}.py").write_text("raise ImportError('libbroken.so: cannot open')")
+    path = os.pathsep.join([str(tmp_path), str(Path(doctor.__file__).parents[2])])
+    arguments = [command] if command == "doctor" else [command, str(tmp_path / "absent")]
+    ran = subprocess.run(
+        [sys.executable, "-m", "unlit", *arguments],
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+    )
+    assert ran.returncode == 1
+    assert "Traceback" not in ran.stderr
+    if command == "doctor":
+        assert re.search(f"BAD +library {module} .*libbroken", ran.stdout)
+    else:
+        assert ran.stderr.count("\n") == 1 and ran.stderr.startswith("unlit: error: ")
+
+
+def test_kernels_that_cannot_be_kept_are_no_failure(monkeypatch):
+    monkeypatch.setattr(doctor, "kernel_cache", lambda: None)
+    check = doctor._kernels()
+    assert check.ok and "DRJIT_CACHE_DIR" in check.remedy

@@ -8,7 +8,8 @@ from PIL import Image
 
 from changed import changed
 from unlit.output.images import encoded
-from unlit.output.montage import clay, error, light, montage, outdoors, preview_png
+from unlit.output.montage import clay, error, light, montage, preview_png
+from unlit.output.relit import outdoors
 from unlit.scene.light import SphericalGaussians
 
 

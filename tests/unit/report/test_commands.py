@@ -1,6 +1,7 @@
 """`unlit report` and `unlit view` from the command line."""
 
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -30,6 +31,25 @@ def test_report_is_written_and_named(result, capsys):
     assert said.err.startswith("baking the atlas\n")
     assert said.out.strip() == str(result / "report.html")
     assert "<h1>small head" in (result / "report.html").read_text()
+
+
+def test_two_results_are_compared_on_one_page(result, tmp_path, capsys):
+    """Named by their folders; the page is whole; an input that is no result is one line."""
+    shutil.copytree(result, tmp_path / "other")
+    page = tmp_path / "compared.html"
+    assert cli.main(["report", str(result), str(tmp_path / "other"), "-o", str(page)]) == 0
+    assert capsys.readouterr().out.strip() == str(page)
+    text = page.read_text()
+    assert "<h1>result and other" in text
+    assert "No settings differ." in text and "normals differ by 0.0 degrees" in text
+    assert not re.search(r'(src|href)="(?!data:|#)', text)
+    assert cli.main(["report", str(result), str(tmp_path / "absent"), "-o", str(page)]) == 1
+    assert "absent" in capsys.readouterr().err
+
+
+def test_an_output_without_a_second_folder_is_wrong_usage(result, capsys):
+    assert cli.main(["report", str(result), "-o", "x.html"]) == 2
+    assert "two folders" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", ["report", "view"])

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from unlit.errors import OutputError
-from unlit.storage.folder import MARK, MARK_TEXT, reserve, write_all, write_one
+from unlit.storage.folder import CHECKPOINT, MARK, MARK_TEXT, reserve, write_all, write_one
 
 OLD, NEW = f"{MARK_TEXT} old", f"{MARK_TEXT} new"
 
@@ -145,6 +145,18 @@ def test_reserve_keeps_a_result(tmp_path):
         write_one(preview, b"png")
         write_all(tmp_path / "new", writers(NEW))
     assert contents(tmp_path / "new") == {MARK: NEW}
+
+
+def test_an_interrupted_run_that_can_go_on_keeps_its_preview(tmp_path):
+    """It shows the state that the checkpoint holds; the next run ends with neither."""
+    with pytest.raises(KeyboardInterrupt), reserve(tmp_path, {MARK}, 0) as preview:
+        write_one(preview, b"png")
+        write_one(tmp_path / CHECKPOINT, b"state")
+        raise KeyboardInterrupt
+    assert {path.name for path in tmp_path.iterdir()} == {preview.name, CHECKPOINT}
+    with reserve(tmp_path, {MARK}, 0):
+        (tmp_path / CHECKPOINT).unlink()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_reserve_refuses_before_the_work(tmp_path, monkeypatch):
