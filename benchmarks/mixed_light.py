@@ -1,4 +1,4 @@
-"""What a light of its own for each channel would bring: the experiment behind docs/method.md, 6.1.
+"""What a light of its own for each channel would bring: docs/lab/method-notes-light.md, 6.1.
 
     python benchmarks/mixed_light.py [--subjects LIST]
 

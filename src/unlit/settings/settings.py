@@ -42,7 +42,7 @@ class Settings:
     """Everything that decides a reconstruction besides the photo.
 
     The first five fields are Table 1; the others are readings of what the paper leaves open;
-    docs/method.md tells which were measured and how. `override` holds every value to its range;
+    docs/lab/method-notes.md tells which were measured. `override` holds every value to its range;
     the constructor and `dataclasses.replace` only see that bounds are in order.
 
     >>> unlit.PRESETS["draft"].resolution
