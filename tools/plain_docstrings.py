@@ -29,7 +29,9 @@ def _example(part: str) -> str:
 def _items(part: str, names: set[str]) -> str:
     if re.search(r"^    ", part, re.M) and part.startswith("    "):
         return part  # a block of code or a formula
-    flat = " ".join(part.split())
+    flat, after = re.fullmatch(
+        r"(.*?)((?:(?<=\.) (?:Raises|Returns) .*)?)", " ".join(part.split())
+    ).groups()
     starts = [m for m in _ITEM.finditer(flat) if set(m[1].split(", ")) <= names]
     if not starts:
         return part
@@ -38,7 +40,7 @@ def _items(part: str, names: set[str]) -> str:
     for match, end in zip(starts, ends, strict=True):
         shown = ", ".join(f"`{name}`" for name in match[1].split(", "))
         lines.append(f"- {shown}: {flat[match.end() : end].strip()}")
-    return "\n".join(lines)
+    return "\n".join([*lines, "", after.strip()])
 
 
 class PlainDocstrings(griffe.Extension):

@@ -17,12 +17,13 @@ from typing import Any, get_type_hints
 
 from unlit.settings.conditions import KnownExposure, LightColorRequest
 from unlit.settings.ranges import expected
-from unlit.settings.settings import PRESETS, Settings
+from unlit.settings.settings import PRESETS
 from unlit.settings.table1 import TABLE_1, Stage
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 #: Written as text, and told by their own comment.
 _REQUESTS = (LightColorRequest, KnownExposure)
+_READINGS = "Readings of what the paper leaves open, and what was added to it."
 _GEOMETRY = {"landmark_fit", "outline_fit", "shading_fit", "head_model"}
 
 
@@ -229,7 +230,7 @@ def page() -> str:
         "`draft` have instead: [method](method.md#stage-1-base-colour-and-light-31).",
         "",
     ]
-    lines += [*stages(), "", "## One value each", "", introduction(Settings), ""]
+    lines += [*stages(), "", "## One value each", "", _READINGS, ""]
     lines += table([entry for entry in every if "." not in entry.name])
     by_group: dict[str, list[Entry]] = {}
     for entry in every:
