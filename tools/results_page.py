@@ -36,4 +36,4 @@ def page() -> str:
                     name = NAMES.get(subject, subject)
                     lines.append(f"| {name} | {light} | {' | '.join(cells)} |")
         lines.append("")
-    return "\n".join(lines)
+    return "\n".join(lines) + "\n"

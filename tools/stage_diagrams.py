@@ -11,7 +11,7 @@ FOLDER = Path(__file__).resolve().parents[1] / "docs" / "pictures"
 
 #: By stage: what is unknown, what is held, what the render is compared with.
 STAGES = (
-    (("light: 648 lobes", "one colour, gloss a region"), ("mesh",), ("image",)),
+    (("light: 648 lobes", "colour, gloss by region"), ("mesh",), ("image",)),
     (("light: 648 lobes", "albedo maps"), ("mesh",), ("image", "smooth albedo 10, 1")),
     (
         ("light: 648 lobes", "albedo maps", "vertices"),

@@ -14,10 +14,16 @@ def test_there_are_three() -> None:
     assert len(PAGES) >= 3
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of all tutorials, as a reader's would be: one goes on with what another left."""
+    return tmp_path_factory.mktemp("tutorials")
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_a_tutorial_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In one namespace and a folder of its own; a block that fails is named by the compiler."""
-    monkeypatch.chdir(tmp_path)
+def test_a_tutorial_runs(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In one namespace; a block that fails is named by the compiler."""
+    monkeypatch.chdir(folder)
     blocks = tutorial.code(page.read_text(encoding="utf-8"))
     assert len(blocks) >= 3
     names: dict[str, object] = {"__name__": "__main__"}
