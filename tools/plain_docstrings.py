@@ -11,6 +11,8 @@ from typing import Any
 
 import griffe
 
+#: Whose fields have a page of their own.
+_TOLD_ELSEWHERE = ("Settings",)
 _ITEM = re.compile(r"(?:(?<=[.;] )|(?<=[.;]  )|(?<=\A))((?:\w+)(?:, \w+)*): ")
 
 
@@ -27,11 +29,11 @@ def _example(part: str) -> str:
 
 
 def _items(part: str, names: set[str]) -> str:
-    if re.search(r"^    ", part, re.M) and part.startswith("    "):
+    if part.startswith("    "):
         return part  # a block of code or a formula
-    flat, after = re.fullmatch(
-        r"(.*?)((?:(?<=\.) (?:Raises|Returns) .*)?)", " ".join(part.split())
-    ).groups()
+    flat = " ".join(part.split())
+    last = re.search(r"(?<=\.) (?:Raises|Returns) ", flat)
+    flat, after = (flat[: last.start()], flat[last.start() :]) if last else (flat, "")
     starts = [m for m in _ITEM.finditer(flat) if set(m[1].split(", ")) <= names]
     if not starts:
         return part
@@ -39,7 +41,7 @@ def _items(part: str, names: set[str]) -> str:
     ends = [m.start() for m in starts[1:]] + [len(flat)]
     for match, end in zip(starts, ends, strict=True):
         shown = ", ".join(f"`{name}`" for name in match[1].split(", "))
-        lines.append(f"- {shown}: {flat[match.end() : end].strip()}")
+        lines.append(f"- {shown}: {flat[match.end() : end].strip(' ;')}")
     return "\n".join([*lines, "", after.strip()])
 
 
@@ -47,12 +49,26 @@ class PlainDocstrings(griffe.Extension):
     """Rewrites each docstring once it, and what it may tell of, has been read."""
 
     def on_function_instance(self, *, func: griffe.Function, **_: Any) -> None:
-        _rewrite(func, {parameter.name for parameter in func.parameters})
+        if func.docstring is not None:
+            names = {parameter.name for parameter in func.parameters}
+            func.docstring.value = markdown(func.docstring.value, names)
 
     def on_class_members(self, *, cls: griffe.Class, **_: Any) -> None:
-        _rewrite(cls, {name for name, member in cls.members.items() if member.is_attribute})
+        """Fields that the docstring does not tell of are listed with their types."""
+        fields = {
+            name: str(member.annotation)
+            for name, member in cls.members.items()
+            if isinstance(member, griffe.Attribute) and member.annotation and name[0] != "_"
+        }
+        if cls.docstring is not None:
+            text = markdown(cls.docstring.value, set(fields))
+            told = {name for line in text.splitlines() for name in _told(line)}
+            others = [f"- `{name}`: `{kind}`" for name, kind in fields.items() if name not in told]
+            listed = cls.name not in _TOLD_ELSEWHERE and others
+            cls.docstring.value = "\n".join([text, "", *others]) if listed else text
 
 
-def _rewrite(member: griffe.Object, names: set[str]) -> None:
-    if member.docstring is not None:
-        member.docstring.value = markdown(member.docstring.value, names)
+def _told(line: str) -> list[str]:
+    """The fields that an item of a list tells of."""
+    found = re.match(r"- ((?:`\w+`(?:, )?)+): ", line)
+    return re.findall(r"\w+", found[1]) if found else []

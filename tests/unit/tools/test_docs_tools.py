@@ -89,6 +89,20 @@ def test_docstrings_become_lists_and_examples_code() -> None:
     assert found.endswith("```pycon\n>>> do()\n1\n```")
 
 
+def test_fields_without_a_word_are_listed_with_their_type(tmp_path: Path) -> None:
+    griffe = pytest.importorskip("griffe")
+    from plain_docstrings import PlainDocstrings
+
+    docstring = '"""Data.\n\n    a, b: numbers.\n    """'
+    (tmp_path / "shown.py").write_text(
+        f"class A:\n    {docstring}\n\n    a: int\n    b: int\n    c: str\n"
+    )
+    extensions = griffe.load_extensions(PlainDocstrings())
+    module = griffe.load("shown", search_paths=[tmp_path], extensions=extensions)
+    lines = module["A"].docstring.value.splitlines()
+    assert [line for line in lines if line] == ["Data.", "- `a`, `b`: numbers.", "- `c`: `str`"]
+
+
 @pytest.fixture
 def release(tmp_path: Path) -> Path:
     for name in ("pyproject.toml", "CHANGELOG.md", "CITATION.cff"):
