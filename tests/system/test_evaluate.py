@@ -23,8 +23,8 @@ DRAFT = unlit.PRESETS["draft"]
 def test_lee_perry_smith(shared: Path, tmp_path: Path) -> None:
     """The scan is read rightly, and relit from a flash photo well enough to tell it is the face.
 
-    The bars are some dB below what was measured (docs/method.md): they catch what is broken, the
-    benchmark catches what is worse.
+    The bars are some dB below what was measured (docs/lab/method-notes-results.md): they catch what
+    is broken, the benchmark catches what is worse.
     """
     pytest.importorskip("flip_evaluator")
     from subjects import lee_perry_smith

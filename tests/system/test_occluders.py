@@ -99,7 +99,9 @@ def clean(shared: Path, skin: str) -> tuple[Any, np.ndarray, Reconstruction]:
     return subject, image, reconstructed(image, subject)
 
 
-_BRIGHTER = pytest.mark.xfail(strict=True, reason="3.9 dB, of brightness: docs/method.md, 9, 12.8")
+_BRIGHTER = pytest.mark.xfail(
+    strict=True, reason="3.9 dB, of brightness: docs/lab/method-notes-results.md, 12.8"
+)
 
 
 @pytest.mark.long

@@ -17,7 +17,8 @@ from unlit.evaluate.metrics import best_gain, psnr
 def test_flash_to_uniform(shared: Path, skin: str, true_mesh: bool, bar: float) -> None:
     """From a flash photo, relit under uniform light (draft preset), in dB inside the face.
 
-    The bars are below what the whole schedule reaches (docs/method.md), for the preset is short.
+    The bars are below what the whole schedule reaches (docs/lab/method-notes-results.md), for the
+    preset is short.
     """
     from ict import ict_subject
     from unlit.face.head import FittedHead

@@ -9,7 +9,11 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "src" / "unlit"
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCUMENTS = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")),
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs" / "tutorials").glob("*.md")),
+]
 SOURCES = [*sorted(PACKAGE.rglob("*.py")), *sorted((ROOT / "benchmarks").glob("*.py"))]
 
 FILE = re.compile(r"(?<![\w./-])(?:[a-z_0-9]+/)*[a-z_0-9]+\.py\b")
@@ -89,6 +93,26 @@ def test_links_between_documents_lead_somewhere() -> None:
         if not (document.parent / link).exists()
     }
     assert not wrong
+
+
+def test_section_numbers_that_others_give_are_headings() -> None:
+    """`docs/method.md, 6.2` in a comment or document has a section 6.2 there."""
+    reference = re.compile(r"((?:[\w-]+/)*method[\w-]*\.md)[`)\]]*, (?:section )?(\d+(?:\.\d+)?)\b")
+    files = [*SOURCES, *(ROOT / "tests").rglob("*.py"), *(ROOT / "tools").glob("*.py"), *DOCUMENTS]
+    found, wrong = 0, set()
+    for file in [*files, ROOT / "CHANGELOG.md", *(ROOT / "docs" / "lab").glob("*.md")]:
+        for name, number in reference.findall(file.read_text()):
+            found += 1
+            [page] = (ROOT / "docs").rglob(name.rpartition("/")[2])
+            if not re.search(rf"^#+ {re.escape(number)}[. ]", page.read_text(), re.M):
+                wrong.add((file.name, name, number))
+    assert found > 20
+    assert not wrong
+
+
+def test_the_method_page_stays_short() -> None:
+    """Measurements, alternatives and failures belong in docs/lab/."""
+    assert len((ROOT / "docs" / "method.md").read_text().split()) < 2500
 
 
 def test_what_the_glossary_names_is_defined_there() -> None:

@@ -20,12 +20,12 @@ from types import FrameType
 from typing import Any
 
 from ..errors import SettingsError, UnlitError
-from . import batch, demo, doctor, evaluate, export, models, reconstruct, relight, show
+from . import batch, cite, demo, doctor, evaluate, export, models, reconstruct, relight, show
 from .answer import print_object
 from .arguments import Parser
 
 #: In the order of the help.
-COMMANDS = (reconstruct, batch, demo, evaluate, show, relight, export, models, doctor)
+COMMANDS = (reconstruct, batch, demo, evaluate, show, relight, export, models, cite, doctor)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

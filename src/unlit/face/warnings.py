@@ -17,7 +17,8 @@ _CLIPPED_SHARE = 0.01
 _NEAR = 0.995
 #: Enlargement of the photo from which it is worth telling.
 _ENLARGED = 1.1
-#: Of the eye distance: 0.018 to 0.048 on portraits that fitted well (docs/method.md).
+#: Of the eye distance: 0.018 to 0.048 on portraits that fitted well
+#: (docs/lab/method-notes-results.md, 12.7).
 _RESIDUAL = 0.055
 
 # What is told of a share of the face.

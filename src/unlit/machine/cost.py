@@ -2,7 +2,7 @@
 
 Both grow with the pixels of the crop. The pace of Adam's stages is that of benchmarks/scaling.py
 on two cores of a server; memory, the pace of the others and the rest are what commands took there
-(docs/method.md, "Speed and memory"); another machine is faster or slower by a factor, and the
+(docs/lab/method-notes-speed.md); another machine is faster or slower by a factor, and the
 progress bar measures it.
 """
 

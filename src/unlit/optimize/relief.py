@@ -1,9 +1,9 @@
 """The fine part of the normals as a relief: what is a gradient of one height, and no pigment.
 
 Stages 4 and 5 find a perturbation of the normal in every pixel by itself, and its cost holds it at
-a third to a fifth of the truth (docs/method.md, 10). Two facts of physics tell relief from noise
-and paint: normals of a surface are the gradient of a height; and shading under one light changes
-no chromaticity, which pigments do. What both leave is scaled up.
+a third to a fifth of the truth (docs/lab/method-notes-detail.md). Two facts of physics tell relief
+from noise and paint: normals of a surface are the gradient of a height; and shading under one light
+changes no chromaticity, which pigments do. What both leave is scaled up.
 """
 
 from __future__ import annotations

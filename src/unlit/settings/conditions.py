@@ -129,8 +129,7 @@ class LightColorEstimate:
         the photo's tone curve.
     expected: standard deviation of lights about daylight, mired (10^6 / kelvin).
     different: lights are told from white if they differ by so many mired (30: 5,450 to 8,080 K is
-        called white), and by told: if white is so much less likely (difference of squared
-        deviations).
+        called white). told: and if white is so much less likely (difference of squared deviations).
     outlier: residuals are weighted by 1 / (1 + (r / (outlier median))^2), for freckles and hairs;
         reweighted: so often.
     """
@@ -171,8 +170,8 @@ class CastShadow:
     least_shading: least diffuse shading that the model has there, where full light is 1.
     least, most: share of the face; more is no shadow but a wrong light. along: least share of its
         border on the face's outline. above: least share of its area above the nose's base.
-    step: least change of the log ratio over its edge, between the medians of `edge` pixels to
-        either side; what darkens more gradually is shading that the model has wrong.
+    step: least change of the log ratio over its edge; what darkens more gradually is shading that
+        the model has wrong. edge: width of the medians to either side between which it is taken.
     """
 
     mode: CastShadowMode = "auto"

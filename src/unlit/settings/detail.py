@@ -17,9 +17,9 @@ class FineDetail:
         colour marks a pigment, whose edges are no relief.
     albedo_length: what is finer than this goes from the photo into the diffuse albedo. most: of it,
         the largest difference of ln albedo.
-    shade: E below which all detail that is finer than shade_length goes there, and from which none
-        does. shade_error: differences of ln albedo on skin that shading may have made; shade_range:
-        what is left of them at most, darker and brighter.
+    shade: E below which all detail that is fine enough goes there, and from which none does.
+        shade_length: what is finer than this is. shade_error: differences of ln albedo on skin that
+        shading may have made; shade_range: what is left of them at most, darker and brighter.
     highlight_length: how far around a pixel the colour of the skin's body is looked for.
         highlight_margin: how much brighter and whiter than that, over its level, no highlight is.
         highlight_most: soft bound of the specular albedo that a highlight adds; 0 adds none.

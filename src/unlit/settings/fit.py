@@ -88,13 +88,13 @@ class ShadingFit:
     facing: least cosine between normal and viewer.
     spacing: of the albedo grid; albedo_deviation: of the log albedo at each of its points.
     colour_deviation: of log albedo's slope over log chromaticity.
-    cells: rows of the light's starting grid, with twice as many columns; a cell is cut in four
-        while it holds more than split of the flux and is higher than finest degrees.
+    cells: rows of the light's starting grid, with twice as many columns. split: share of the flux
+        above which a cell is cut in four; finest: while it is higher than this, degrees.
     evenness: weight of the pull towards an even light.
     identity_weight: factor on the identity's prior precision.
-    turns: shares of the landmarks' yaw to start from, too, where less than `least_lit` of the
-        landmarks' weight is in the light: with half of the face in shadow the landmarker sees too
-        much yaw.
+    turns: shares of the landmarks' yaw to start from, too, where half of the face is in shadow and
+        the landmarker sees too much yaw. least_lit: share of the landmarks' weight in the light,
+        below which that is so.
     light_steps: with the mesh of a start; joint_steps: of everything.
     damping: Levenberg's, relative to the diagonal.
     directed: so large has to be the mean direction of the light (0: even, 1: one lamp), or the

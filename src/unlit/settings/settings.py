@@ -43,7 +43,7 @@ class Settings:
     """Everything that decides a reconstruction besides the photo.
 
     The first five fields are Table 1; the others are readings of what the paper leaves open;
-    docs/method.md tells which were measured and how. `override` holds every value to its range;
+    docs/lab/method-notes.md tells which were measured. `override` holds every value to its range;
     the constructor and `dataclasses.replace` only see that bounds are in order.
 
     >>> unlit.PRESETS["draft"].resolution
@@ -85,9 +85,10 @@ class Settings:
     #: A stage ends before its last iteration when its loss has changed by less than this share over
     #: REPORT iterations (optimize/stage_run.py); 0: never.
     tolerance: Annotated[float, Meta(ge=0, lt=1)] = 0.0
-    #: Share of each stage's iterations at the full learning rates of Adam (in the paper they are
-    #: constant), and share of them that is left at the last one, reached on a cosine curve.
+    #: Share of each stage's iterations at the full learning rates of Adam; in the paper they are
+    #: constant.
     rate_hold: Annotated[float, Meta(ge=0, lt=1)] = 0.5
+    #: Share of the rates that is left at the last iteration, reached on a cosine curve.
     rate_floor: Share = 0.02
     #: Every element of every gradient of Adam's is clipped to [-clip, clip] (paper, section 4).
     clip: Positive = 1.0
@@ -134,8 +135,8 @@ class Settings:
     light_points: Annotated[int, Meta(ge=1, le=2048 * 2048)] = 4000
     #: Steps of the light for each step of the maps in stage 2.
     light_steps: Count = 1
-    #: Cells of the light: rows, columns of the regular grid; split further where the light is
-    #: steep, up to `max_cells`, after stage 1.
+    #: Cells of the light: rows and columns of the regular grid, and how many it is split into at
+    #: most, where the light is steep, after stage 1.
     cell_rows: Annotated[int, Meta(ge=2, le=500)] = 18
     cell_columns: Annotated[int, Meta(ge=2, le=1000)] = 36
     max_cells: Annotated[int, Meta(ge=4, le=100_000)] = 1000

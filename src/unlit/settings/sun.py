@@ -59,7 +59,7 @@ class SunShadow:
     contrast: change of the log brightness across which neighbours need not agree; agreement: what
         it costs if they do not.
     fill: deviation with which plain skin decides for features.
-    edge: width of an edge, whose sides are compared up to `beside` from it, averaged over `side`.
+    edge: width of an edge. beside: how far from it its sides are compared; side: averaged over.
     rounds: of labels and of what is left in the shade; sweeps: of the field in each.
     """
 

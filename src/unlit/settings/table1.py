@@ -14,7 +14,17 @@ Rate = Annotated[float, Meta(ge=0, le=10)]
 
 @dataclass(frozen=True)
 class Stage:
-    """One column of Table 1: iterations, loss weights, learning rates."""
+    """One column of Table 1: iterations, loss weights, learning rates.
+
+    iterations: of the optimiser, at most.
+    image: weight of the image loss. specular_smoothness, diffuse_smoothness: of the total variation
+        of the albedo maps, before `specular_smoothness_scale` and `diffuse_smoothness_scale`.
+    landmark: of the landmarks' distance, without effect where the mesh stands still (stages 4, 5).
+    shape: of the distance from the fitted mesh, likewise.
+    normal: of the normal perturbation, before `normal_scale`.
+    axis_rate, sharpness_rate, amplitude_rate: learning rates of the light's lobes; 0 holds them.
+    rate: learning rate of all else that follows by Adam.
+    """
 
     iterations: Annotated[int, Meta(ge=0, le=1_000_000)]
     image: Weight = 1.0

@@ -19,7 +19,7 @@ from unlit.errors import FaceError, ModelError, SettingsError
 from unlit.face.reconstruction import Metrics
 from unlit.settings import settings as schedule
 
-COMMANDS = ("reconstruct", "demo", "evaluate", "montage", "models", "doctor")
+COMMANDS = ("reconstruct", "demo", "evaluate", "montage", "models", "cite", "doctor")
 
 
 @pytest.fixture
@@ -402,6 +402,15 @@ def test_models_and_doctor_tell_by_their_code(capsys, monkeypatch):
         code, out, _ = run(capsys, "doctor")
         assert code == (0 if ok else 1)
         assert ("mend it" in out) != ok
+
+
+def test_cite_prints_each_work_in_words_or_as_bibtex(capsys):
+    code, out, _ = run(capsys, "cite")
+    assert code == 0
+    assert "Mitsuba 3" in out and "@" not in out
+    code, out, _ = run(capsys, "cite", "--bibtex")
+    assert code == 0
+    assert out.count("@") > 8 and "@software{unlit," in out
 
 
 @pytest.mark.parametrize(
