@@ -44,7 +44,6 @@ def add(commands: Any) -> None:
     kinds.add_argument(
         "--format",
         type=lambda text: text.split(","),
-        default=[],
         metavar="LIST",
         help=f"of {', '.join(EXPORTS)}, usd ({','.join(EXPORTS)}; without the last two where the "
         "pose is neutral)",

@@ -70,13 +70,8 @@ def cornea(eye: Eye, position: np.ndarray, triangles: np.ndarray) -> Cornea:
     along = out * np.cos(angle)[:, None] - eye.axis * np.sin(angle)[:, None]
     normal = direction - along * (slope / height)[:, None]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    return Cornea(
-        corners,
-        weights,
-        eye.centre + direction * height[:, None],
-        normal,
-        where[split].reshape(-1, 3),
-    )
+    position = eye.centre + direction * height[:, None]
+    return Cornea(corners, weights, position, normal, where[split].reshape(-1, 3))
 
 
 def _joined(corners: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

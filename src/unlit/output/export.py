@@ -66,7 +66,7 @@ def export(
     reconstruction: Reconstruction,
     folder: str | Path,
     source: str | Path,
-    formats: Collection[str] = (),
+    formats: Collection[str] | None = None,
     size: int | None = None,
     directx: bool = False,
     progress: StepProgress = silent,
@@ -77,24 +77,22 @@ def export(
 ) -> Path:
     """Write `formats` (keys of FORMATS) into `folder`, all or nothing; returns the folder.
 
-    formats: all but USD if none are named, and in the pose "neutral" none of those that render the
-    photo's view.
+    formats: if None, all but USD, and in the pose "neutral" none that renders the photo's view.
 
     An export that is there is replaced: what it lists and this one does not have is removed.
 
     source: the folder that `reconstruction` was loaded from, which scene_unlit.xml refers to.
     size: texels a side of the atlas, 512 to 4096; by default what the crop is worth (layout.py).
     layout: where the head's parts lie in it, one of LAYOUTS. scalp: what lies under hair, one of
-    SCALPS: skin, or the hair's mean colour, for which the photo has to show hair. pose: one of POSES.
-    directx: y of the PNG normal maps points down.
+    SCALPS: skin, or the hair's mean colour, for which the photo has to show hair. pose: one of
+    POSES. directx: y of the PNG normal maps points down.
     only_maps: keys of MAP_FILES; if there are any, these maps of the atlas are written, and no
     format.
     Raises SettingsError, ModelError or OutputError.
     """
     folder = Path(folder)
+    formats = default_formats(pose) if formats is None else formats
     chosen, known = (only_maps, MAP_FILES) if only_maps else (formats, FORMATS)
-    if not only_maps and not formats:
-        formats = chosen = default_formats(pose)
     unknown = set(chosen) - known.keys()
     if unknown or not chosen:
         raise SettingsError(

@@ -35,6 +35,9 @@ _OUTWARDS, _HIGHER = 0.12, 0.12
 _SHIFTS, _SIZES = np.linspace(-0.3, 0.3, 9), np.linspace(0.8, 1.25, 10)
 _WITHIN, _BEYOND, _LEVEL = 0.85, 1.15, 0.7
 _AROUND = 48
+#: What of the largest step a rim that is as far away as its radius, or e times as large, has to
+#: have more.
+_NEARER = 0.2
 #: Samples that a rim has to have, of those _AROUND.
 _SEEN = 8
 
@@ -77,10 +80,10 @@ def eyes_of(r: Reconstruction) -> tuple[Eye, ...]:
         good[int(seen.argmin())] = False
     if not good.all() and good.any():
         lent = eyes[int(good.argmax())]
-        eyes = [e if ok else replace(e, axis=lent.axis) for e, ok in zip(eyes, good, strict=True)]
-    rim = float(
-        np.mean([eye.rim for eye, ok in zip(eyes, good, strict=True) if ok or not any(good)])
-    )
+        both = zip(eyes, good, strict=True)
+        eyes = [eye if ok else replace(eye, axis=lent.axis) for eye, ok in both]
+    rims = [eye.rim for eye, ok in zip(eyes, good, strict=True) if ok]
+    rim = float(np.mean(rims or [_USUAL]))
     return tuple(replace(eye, rim=rim) for eye in eyes)
 
 
@@ -92,7 +95,7 @@ def _apart(rotation: np.ndarray, eyes: list[Eye]) -> bool:
 
 
 def looking(r: Reconstruction, eyes: tuple[Eye, ...]) -> Reconstruction:
-    """`r` with its eyeballs turned so that what the head model has in their front is at the iris."""
+    """`r` with its eyeballs turned: what the head model has in their front is at the iris."""
     if not eyes or r.head.motion is None:
         return r
     vertices = r.face.mesh.vertices.copy()
@@ -142,6 +145,8 @@ def _found(r: Reconstruction, ball: np.ndarray, front: np.ndarray, left: bool) -
     angle = float(np.linalg.norm(off))
     if angle > _FARTHEST:
         axis = Rotation.from_rotvec(off * (_FARTHEST / angle)).apply(front)
+    # The rim was looked at on the level, where an iris that is turned sideways looks narrow.
+    wide /= np.sqrt(1 - min(axis[0] ** 2, 0.5))
     depth = -(centre + radius * axis)[2]
     rim = float(np.arcsin(np.clip(wide * depth / camera.focal / radius, 0, 0.9)))
     return replace(plain, axis=axis, rim=float(np.clip(rim, *_RIM))), float(near.sum())
@@ -164,8 +169,10 @@ def _on_rim(r: Reconstruction, middle: np.ndarray, size: float) -> tuple[np.ndar
     free = (at(eye, _WITHIN) > 0.5) & (at(eye, _BEYOND) > 0.5)
     count = free.sum(axis=1)
     step = ((at(bright, _BEYOND) - at(bright, _WITHIN)) * free).sum(axis=1) / np.maximum(count, 1)
-    # Of equal steps the one nearest to the landmarks.
-    step = step * np.sqrt(count) - 0.02 * step.max() * np.hypot(dx, dy)
+    # Of nearly equal steps the one nearest to the landmarks.
+    away = np.hypot(dx, dy) + np.abs(np.log(scale))
+    step = step * np.sqrt(count)
+    step -= _NEARER * step.max() * away
     best = int(np.where(count >= _SEEN, step, -np.inf).argmax())
     if count[best] < _SEEN or step[best] <= 0:
         return middle, size

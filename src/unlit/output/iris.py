@@ -180,7 +180,7 @@ def _spread(
 def _nearest(
     sources: np.ndarray, values: np.ndarray, places: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of `values` (M, C) at the `sources` nearest to `places` (K, D), and their weight (K,)."""
+    """Mean (K, C) of `values` (M, C) at the `sources` nearest to `places` (K, D); its weight."""
     count = min(_NEIGHBOURS, len(sources))
     distance, number = KDTree(sources).query(places, k=[*range(1, count + 1)])
     weight = 1 / (0.02 + distance)

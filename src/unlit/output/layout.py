@@ -124,9 +124,8 @@ class _Chart:
 
 def _fronted(disc: np.ndarray) -> np.ndarray:
     """Points (N, 2) of a disc about 0, its middle stretched _FRONT times and its rim kept."""
-    radius = np.linalg.norm(disc, axis=1, keepdims=True)
-    inside = np.minimum(radius, 1)
-    return disc * np.where(radius < 1, _FRONT / (1 + (_FRONT - 1) * inside), 1)
+    radius = np.minimum(np.linalg.norm(disc, axis=1, keepdims=True), 1)
+    return disc * (1 + (_FRONT - 1) * (1 - radius) ** 2)
 
 
 def _others(mesh: PosedMesh, chart: np.ndarray, main: np.ndarray) -> list[_Chart]:

@@ -88,9 +88,10 @@ def _motion_of(arrays: dict[str, np.ndarray], names: tuple[str, ...], path: Path
     """None in results that were saved without, and of heads that were not fitted."""
     if not set(MOTION) <= set(arrays):
         return None
-    if len(names) != len(arrays["expression"]):
+    count = len(arrays["expression"])
+    if len(names) != count:
         raise OutputError(
-            f"{path}: units has {len(names)} names, the arrays {len(arrays['expression'])} units; "
+            f"{path}: head.units has {len(names)} names, the arrays have {count} units; "
             "reconstruct the photo again"
         )
     return Motion(names, *(arrays[name] for name in MOTION))

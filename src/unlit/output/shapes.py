@@ -26,6 +26,7 @@ from .eyes import Eye, between, turned
 _GAZE = {"Up": -11.5, "Down": 17.0, "In": 24.0, "Out": 23.0}
 #: A blink is not stretched more than this: lids that the photo has wide open stay a little open.
 _WIDEST = 1.6
+_TIMES = 3
 #: What is left between lids and eye, cm; how near to an eyeball something counts as its lid, in
 #: radii; and how far a target may go out so that the way to it stays clear, cm.
 _CLEARANCE, _NEAR, _FARTHEST = 0.012, 1.35, 0.12
@@ -105,16 +106,19 @@ def shapes(r: Reconstruction, eyes: tuple[Eye, ...]) -> dict[str, np.ndarray]:
     for number, name in enumerate(motion.names):
         delta = motion.of(number, len(local)).astype(np.float64)
         goal = local + delta
+        left = name.endswith("Left")
         blinks = name.startswith("eyeBlink") and len(landmarks) > max(map(max, LEFT_LID_GAP))
         if blinks:
-            left = name.endswith("Left")
             goal = local + delta * _closing(landmarks, r, delta, left)
-            there = r.head.landmark_points.on(goal, r.face.mesh.triangles)
-            goal = shut_lids(there, goal, left)
-        for eye in balls:
-            turn = _gaze(name, eye)
-            goal[eye.vertices] = turned(local[eye.vertices], eye.centre, turn)
-            goal = _clear(local, goal, eye, turn.apply(eye.axis))
+        # Shut lids that are put in front of the eye may part again.
+        for _ in range(_TIMES if blinks else 1):
+            if blinks:
+                there = r.head.landmark_points.on(goal, r.face.mesh.triangles)
+                goal = shut_lids(there, goal, left)
+            for eye in balls:
+                turn = _gaze(name, eye)
+                goal[eye.vertices] = turned(local[eye.vertices], eye.centre, turn)
+                goal = _clear(local, goal, eye, turn.apply(eye.axis))
         out[name] = ((goal - local) @ motion.rotation.T).astype(np.float32)
     return out
 

@@ -41,7 +41,8 @@ class Kind:
 
 
 #: Greatest sizes that are read: pixels a side, vertices, triangles, texture coordinates, lobes,
-#: landmarks, units of expression and what they move, pixels of a mask, cells of a light, bytes of text.
+#: landmarks, units of expression and what they move, pixels of a mask, cells of a light, bytes of
+#: text.
 _SMALL = {"S": 4096, "K": 100_000, "L": 100_000, "M": 100_000, "D": 1_000_000, "E": 1000}
 _LIMITS = _SMALL | {
     "V": 4_000_000,
