@@ -43,7 +43,8 @@ class ExportJob:
     """What the writers need.
 
     reconstruction: with the texture coordinates of `layout`, in `pose`, its eyeballs as its `eyes`
-    look. back: path from the export's folder to the result's.
+    look. back: path from the export's folder to the result's. light: whether the glTF file has its
+    light beside it.
     """
 
     reconstruction: Reconstruction
@@ -54,6 +55,7 @@ class ExportJob:
     scalp: str = "skin"
     pose: str = "photo"
     eyes: tuple[Eye, ...] = ()
+    light: bool = True
 
 
 #: By file name: what makes its content.
@@ -229,9 +231,13 @@ def _atlas_pngs(job: ExportJob) -> Contents:
 
 
 def _glb(job: ExportJob) -> Contents:
-    from .gltf import glb
+    from .gltf import GLTF_LIGHT, glb, gltf_environment
 
-    return {"face.glb": lambda: glb(job.reconstruction, job.atlas, job.eyes, job.pose == "photo")}
+    r, photo = job.reconstruction, job.pose == "photo"
+    files: Contents = {"face.glb": lambda: glb(r, job.atlas, job.eyes, photo)}
+    if photo and job.light:
+        files[GLTF_LIGHT] = lambda: exr(gltf_environment(r.light.environment))
+    return files
 
 
 def _obj(job: ExportJob) -> Contents:

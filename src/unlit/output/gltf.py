@@ -36,6 +36,8 @@ from .textures import normal_bytes, perceptual_roughness
 
 #: Metres in a centimetre.
 METRE = 0.01
+#: The photo's light beside the file, see gltf_environment.
+GLTF_LIGHT = "environment_gltf.exr"
 #: Nodes by the part they show; eyes have one each.
 _NODES = ("face", "eyes", "mouth", "teeth")
 
@@ -222,6 +224,15 @@ def _clear(material: dict[str, Any]) -> dict[str, Any]:
             "KHR_materials_specular": {"specularColorFactor": [_GLOSS] * 3},
         },
     }
+
+
+def gltf_environment(light: np.ndarray) -> np.ndarray:
+    """A latitude-longitude map (H, W, ...) as glTF viewers want it, given ours (scene/light.py).
+
+    three.js, <model-viewer> and Blender have +x in the middle column, we have +z there: a quarter
+    turn.
+    """
+    return np.roll(light, light.shape[1] // 4, axis=1)
 
 
 def specular_texture(albedo: np.ndarray) -> tuple[np.ndarray, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -86,7 +87,7 @@ def save(
     """
     r = reconstruction
     progress("baking the atlas", 0, 2)
-    job = job_of(r, atlas_size(r), LAYOUT)
+    job = replace(job_of(r, atlas_size(r), LAYOUT), light=False)
     atlas = job.atlas
     texts = {
         "light.json": _json(_light(r)),

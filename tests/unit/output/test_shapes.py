@@ -1,19 +1,26 @@
 """Morph targets on a person's own mesh, the neutral pose, eyes and corneas."""
 
 import json
+import os
 import struct
+import subprocess
+import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from khronos import issues_of
 from moving_head import GAZE, IRIS, moving_head
 from small_head import small_head
+from unlit.color import encode_srgb
 from unlit.errors import OutputError, SettingsError
 from unlit.face.reconstruction import Reconstruction
 from unlit.head.contact import pieces
 from unlit.head.model import VERTEX_REGIONS, HeadModel
+from unlit.machine.runtime import mitsuba
 from unlit.output.cornea import BULGE, FILM, cornea
 from unlit.output.export import export, job_of
 from unlit.output.eyes import Eye, eyes_of, looking
@@ -21,7 +28,11 @@ from unlit.output.geometry import welded
 from unlit.output.gltf import glb
 from unlit.output.shapes import neutral, shapes
 from unlit.perception.topology import BLENDSHAPE_NAMES, LEFT_LID_GAP, RIGHT_LID_GAP
+from unlit.render.reference import path_trace
+from unlit.scene.mesh import Mesh
 
+#: Blender's pixels for one of ours, along a side.
+FINER = 5
 #: ARKit's names: those of the landmarker's scores, and the tongue's.
 ARKIT = {*BLENDSHAPE_NAMES[1:], "tongueOut"}
 
@@ -129,11 +140,11 @@ def test_neutral_takes_pose_and_expression_off(head, r, eyes):
 
 
 def test_eyes_are_found_in_the_photo(head):
-    """Where they look to 2 degrees, and how large the iris is to a tenth, at 256 pixels."""
+    """Where they look to 5 degrees, and its iris to a tenth, whose radius is 6 pixels."""
     r = moving_head(head, {}, 256)
     for eye in eyes_of(r):
         cosine = eye.axis @ r.head.motion.rotation @ GAZE
-        assert np.degrees(np.arccos(cosine)) < 2
+        assert np.degrees(np.arccos(cosine)) < 5
         assert eye.rim == pytest.approx(IRIS, rel=0.1)
     assert [eye.left for eye in eyes_of(r)] == [False, True]
     assert eyes_of(small_head(32)) == ()
@@ -214,6 +225,52 @@ def test_khronos_validates_it(r, tmp_path):
     for pose in ("photo", "neutral"):
         folder = export(r, tmp_path / pose, tmp_path, ["glb"], 512, pose=pose)
         assert issues_of(folder / "face.glb") == [0, 0, 0, 0]
+
+
+def test_blender_moves_it_and_renders_the_same_skin(head, tmp_path):
+    """Shape keys of ARKit's names that move; skin within 30 dB of our path tracer's, one thread.
+
+    Needs Blender's Python: the variable UNLIT_TEST_BLENDER, or the package bpy.
+    """
+    program = os.environ.get("UNLIT_TEST_BLENDER")
+    if program is None or "python" not in Path(program).name:
+        if find_spec("bpy") is None:
+            pytest.skip("no Blender as a Python package: install bpy, or set UNLIT_TEST_BLENDER")
+        program = sys.executable
+    r = moving_head(head, {})
+    folder = export(r, tmp_path / "out", tmp_path, ["glb"], 1024)
+    document, _ = contents((folder / "face.glb").read_bytes())
+    film, crop = (np.array(document["cameras"][0]["extras"][name]) for name in ("film", "crop"))
+    width, height = np.rint(film * FINER).astype(int)
+    picture = tmp_path / "picture.exr"
+    script = Path(__file__).with_name("blender_reads_glb.py")
+    files = [folder / "face.glb", folder / "environment_gltf.exr", picture]
+    done = subprocess.run(
+        [program, script, *map(str, [*files, width, height])],
+        check=True,
+        capture_output=True,
+        timeout=600,
+        text=True,
+    )
+    found = json.loads(done.stdout.strip().splitlines()[-1])
+    assert set().union(*found["keys"].values()) == ARKIT
+    assert found["travel"]["face"] > 0.03 and 0.015 < found["travel"]["teeth"] < 0.05
+    theirs = np.array(mitsuba().Bitmap(str(picture)))[..., :3].astype(np.float32)
+    x, y, wide, high = np.rint(crop * FINER).astype(int)
+    theirs = theirs[y : y + high, x : x + wide].reshape(96, FINER, 96, FINER, 3).mean(axis=(1, 3))
+    ours = path_trace(
+        Mesh(r.face.mesh.vertices, r.face.mesh.triangles),
+        r.face.camera,
+        r.face.maps,
+        r.light.rasterize(),
+        128,
+        bounces=3,
+    )
+    # Of the mask what is skin with its neighbours: eyes have corneas there, rims half a pixel.
+    skin = ndimage.binary_erosion((r.face.mask > 0) & (r.photo.regions.eyes < 0.5), iterations=2)
+    error = (encode_srgb(np.clip(ours, 0, 1)) - encode_srgb(np.clip(theirs, 0, 1)))[skin]
+    print(-10 * np.log10((error**2).mean()), ours[skin].mean() / theirs[skin].mean())
+    assert -10 * np.log10((error**2).mean()) > 30
 
 
 def test_a_neutral_export(r, tmp_path: Path):
