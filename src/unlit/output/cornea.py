@@ -39,6 +39,23 @@ def bulge(eye: Eye, angle: np.ndarray) -> np.ndarray:
     return BULGE * np.clip(1 - (angle / (_END * eye.rim)) ** 2, 0, 1) ** 2
 
 
+def surface_over(eye: Eye, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distance (N,) from the eye's middle, cm, and unit normal (N, 3), of the clear surface.
+
+    direction: (N, 3) unit, from the middle.
+    """
+    angle = np.arccos(np.clip(direction @ eye.axis, -1, 1))
+    height = eye.radius + FILM + bulge(eye, angle)
+    # The normal of a surface of revolution: the ray from the centre, leant by the height's slope.
+    step = 1e-4
+    slope = (bulge(eye, angle + step) - bulge(eye, np.maximum(angle - step, 0))) / (2 * step)
+    out = direction - eye.axis * (direction @ eye.axis)[:, None]
+    out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
+    along = out * np.cos(angle)[:, None] - eye.axis * np.sin(angle)[:, None]
+    normal = direction - along * (slope / height)[:, None]
+    return height, normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
+
 def cornea(eye: Eye, position: np.ndarray, triangles: np.ndarray) -> Cornea:
     """Of the eyeball with corners at `position` (W, 3), cm, world frame; triangles: (F, 3)."""
     unit = (position - eye.centre) / np.linalg.norm(position - eye.centre, axis=1, keepdims=True)
@@ -60,16 +77,7 @@ def cornea(eye: Eye, position: np.ndarray, triangles: np.ndarray) -> Cornea:
     corners, weights, where = _joined(corners, weights)
     direction = (weights[..., None] * unit[corners]).sum(axis=1)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    angle = np.arccos(np.clip(direction @ eye.axis, -1, 1))
-    height = eye.radius + FILM + bulge(eye, angle)
-    # The normal of a surface of revolution: the ray from the centre, leant by the height's slope.
-    step = 1e-4
-    slope = (bulge(eye, angle + step) - bulge(eye, np.maximum(angle - step, 0))) / (2 * step)
-    out = direction - eye.axis * (direction @ eye.axis)[:, None]
-    out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
-    along = out * np.cos(angle)[:, None] - eye.axis * np.sin(angle)[:, None]
-    normal = direction - along * (slope / height)[:, None]
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    height, normal = surface_over(eye, direction)
     position = eye.centre + direction * height[:, None]
     return Cornea(corners, weights, position, normal, where[split].reshape(-1, 3))
 
