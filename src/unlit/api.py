@@ -175,19 +175,22 @@ def load(folder: str | Path) -> Result:
 def export(
     folder: str | Path,
     into: str | Path | None = None,
-    formats: Collection[str] = ("glb", "obj", "ply", "mitsuba", "blender"),
+    formats: Collection[str] | None = None,
     *,
     size: int | None = None,
     layout: str = "face",
     scalp: str = "skin",
+    pose: str = "photo",
     progress: bool = True,
 ) -> Path:
     """Write the result saved in `folder` for other programs; returns the export's folder.
 
-    into: FOLDER/export if None. formats: of glb, obj, ply, exr, mitsuba, blender, usd. size: texels
-    a side of the textures, 512 to 4096; twice the crop's pixels if None. layout: "face", most of
-    the square for the face, or "head", as the head model has it. scalp: under hair "skin", or
-    "hair" for its mean colour. Raises SettingsError, ModelError or OutputError.
+    into: FOLDER/export if None. formats: of glb, obj, ply, mitsuba, blender, usd; all but USD if
+    None. size: texels a side of the textures, 512 to 4096; twice the crop's pixels if None.
+    layout: "face", most of the square for the face, or "head", as the head model has it. scalp:
+    under hair "skin", or "hair" for its mean colour. pose: "photo", or "neutral", upright and
+    without an expression, which mitsuba and blender do not have. Raises
+    SettingsError, ModelError or OutputError.
 
     >>> place = unlit.export(folder, formats=["ply"], progress=False)
     >>> (place / "mesh.ply").exists()
@@ -203,6 +206,7 @@ def export(
             progress=report,
             layout=layout,
             scalp=scalp,
+            pose=pose,
         )
 
 

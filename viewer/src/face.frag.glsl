@@ -24,6 +24,7 @@ in vec3 vPosition;
 in vec3 vNormal;
 in vec4 vTangent;
 in vec2 vUv;
+in vec3 vClear;  // normal of the cornea, 0 where there is none
 in vec3 vOpen;  // irradiance on the mesh without shadows
 in vec3 vDirect;  // the same with shadows
 in float vHidden;  // share of the sky that the head hides
@@ -47,6 +48,13 @@ vec3 encoded(vec3 linear) {
   linear = clamp(linear, 0.0, 1.0);
   return mix(12.92 * linear, 1.055 * pow(linear, vec3(1.0 / 2.4)) - 0.055,
              step(0.0031308, linear));
+}
+
+// What a cornea with this normal reflects, as sharply as the balls can: those of alpha .1.
+vec3 clearly(vec3 n, vec3 nearer, vec3 viewer) {
+  float cosO = max(dot(n, viewer), 1e-4);
+  vec3 seen = normalize(n - nearer / (2.0 * max(cosO, 0.5)));
+  return reflected(1.0, seen) / 0.01 * smith(cosO, 0.01) / (4.0 * cosO);
 }
 
 void main() {
@@ -76,6 +84,8 @@ void main() {
   e *= reaching + useShadow * vHidden * rhoD;
   // The ball ends at a right angle to the viewer: beyond it, and a little before, rims would glitter.
   s *= smoothstep(0.0, 0.2, facing) * reaching * smith(cosO, alpha2) / (4.0 * cosO);
-  vec3 radiance = (useDiffuse * rhoD * e + useSpecular * rhoS * s) / PI;
+  s *= rhoS;
+  if (dot(vClear, vClear) > 0.25) s += reaching * clearly(normalize(vClear), viewer - afar, viewer);
+  vec3 radiance = (useDiffuse * rhoD * e + useSpecular * s) / PI;
   colour = vec4(encoded(exposure * radiance), 1.0);
 }

@@ -40,13 +40,14 @@ function textureOf(image, sRGB) {
 
 /** The head of `scene` with the textures `images`, lit by `balls` (ball.js). */
 export function headOf(scene, images, balls) {
-  const { position, normal, tangent, uv, hidden, triangles } = scene.arrays;
+  const { position, normal, tangent, uv, clear, hidden, triangles } = scene.arrays;
   const geometry = new BufferGeometry();
   const attribute = (array, size) => new BufferAttribute(array, size, true);
   geometry.setAttribute("position", attribute(position, 3));
   geometry.setAttribute("normal", attribute(normal, 3));
   geometry.setAttribute("tangent", attribute(tangent, 4));
   geometry.setAttribute("uv", attribute(uv, 2));
+  geometry.setAttribute("clear", attribute(clear, 3));
   geometry.setAttribute("hidden", attribute(hidden, 1));
   for (const name of ["open", "direct"]) // light.js fills them in
     geometry.setAttribute(name, new BufferAttribute(new Float32Array(position.length), 3));

@@ -13,6 +13,7 @@ from .parser import command
 #: Kept here, too, so that the help does not wait for the renderer.
 LAYOUTS = ("face", "head")
 SCALPS = ("skin", "hair")
+POSES = ("photo", "neutral")
 EXPORTS = ("glb", "obj", "ply", "mitsuba", "blender")
 MAPS = (
     *("diffuse_albedo", "specular_albedo", "roughness"),
@@ -30,6 +31,7 @@ def add(commands: Any) -> None:
         "Bake the maps of the result in DIR to the mesh's texture coordinates and write them with "
         "the mesh, light and camera (docs/outputs.md). Prints the folder written.",
         "  unlit export portrait\n"
+        "  unlit export portrait -o rig --format glb --pose neutral\n"
         "  unlit export portrait -o unreal --format glb,obj --size 2048 --directx\n"
         "  unlit export portrait -o maps --only-maps diffuse_albedo,roughness --size 4096",
     )
@@ -43,9 +45,9 @@ def add(commands: Any) -> None:
     kinds.add_argument(
         "--format",
         type=lambda text: text.split(","),
-        default=list(EXPORTS),
         metavar="LIST",
-        help=f"of {', '.join(EXPORTS)}, usd ({','.join(EXPORTS)})",
+        help=f"of {', '.join(EXPORTS)}, usd ({','.join(EXPORTS)}; without the last two where the "
+        "pose is neutral)",
     )
     kinds.add_argument(
         "--only-maps",
@@ -74,6 +76,13 @@ def add(commands: Any) -> None:
         help="what lies under hair: the person's skin (the default), or the hair's mean colour",
     )
     parser.add_argument(
+        "--pose",
+        choices=POSES,
+        default=POSES[0],
+        help="the head as the photo shows it (the default), or neutral: upright, looking ahead, "
+        "without an expression or a camera, to be animated",
+    )
+    parser.add_argument(
         "--directx", action="store_true", help="normal maps (PNG) with y down, as Unreal wants"
     )
     add_json(parser)
@@ -98,6 +107,7 @@ def run(options: argparse.Namespace) -> int:
             only_maps=options.only_maps,
             layout=options.layout,
             scalp=options.scalp,
+            pose=options.pose,
         )
     names = sorted(file.name for file in path.iterdir() if file.is_file())
     answer(options, path, folder=path, files=[path / name for name in names])

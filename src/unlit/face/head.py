@@ -12,13 +12,41 @@ from .face import PosedMesh
 
 
 @dataclass(frozen=True)
+class Motion:
+    """How the head moves: the head model's expression units, and what the fit found of them.
+
+    names: of E units, ARKit's where a unit is one of them (head/model.py). unit (N,), vertex (N,)
+    int32, displacement (N, 3) float32: of the vertices that a unit moves, at full strength, cm,
+    model frame. expression: (E,) float32 in [0, 1], that of the photo. rotation (3, 3),
+    translation (3,) cm, float64: world = rotation @ model + translation.
+    """
+
+    names: tuple[str, ...]
+    unit: np.ndarray
+    vertex: np.ndarray
+    displacement: np.ndarray
+    expression: np.ndarray
+    rotation: np.ndarray
+    translation: np.ndarray
+
+    def of(self, number: int, count: int) -> np.ndarray:
+        """Displacement (count, 3) float32 of a mesh of `count` vertices by a unit, model frame."""
+        here = self.unit == number
+        out = np.zeros((count, 3), np.float32)
+        out[self.vertex[here]] = self.displacement[here]
+        return out
+
+    __repr__ = short_repr
+
+
+@dataclass(frozen=True)
 class FittedHead:
     """A head before the stages, to which stage 3 holds the mesh (paper, section 3.3).
 
     mesh: world frame, cm. landmarks: (L, 2) float32, as detected, without the landmarker's mean
     error, pixels of the crop. landmark_points: the same points on the mesh. landmark_residual: mean
-    distance between both, in eye distances, and model: name and licence of the head model; None for
-    a mesh that was not fitted.
+    distance between both, in eye distances, model: name and licence of the head model, and motion:
+    what moves it; None for a mesh that was not fitted.
     """
 
     mesh: PosedMesh
@@ -26,6 +54,7 @@ class FittedHead:
     landmark_points: SurfacePoints
     landmark_residual: float | None = None
     model: str | None = None
+    motion: Motion | None = None
 
     __repr__ = short_repr
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..face.face import PosedMesh
-from ..face.head import FittedHead
+from ..face.head import FittedHead, Motion
 from ..face.photo import FacePhoto
 from ..head.model import HeadModel
 from ..perception.mouth import teeth
@@ -13,7 +14,11 @@ from ..settings.settings import Settings
 from .landmarks import LandmarkProblem
 from .outline import Outline
 from .shading import ShadingProblem
+from .state import State
 from .teeth import teeth_placed, without_teeth
+
+#: Displacements below this are none, cm.
+_LEAST = 1e-4
 
 
 def fit_head(photo: FacePhoto, model: HeadModel, settings: Settings) -> FittedHead:
@@ -31,6 +36,21 @@ def fit_head(photo: FacePhoto, model: HeadModel, settings: Settings) -> FittedHe
         model.landmark_points,
         fit.landmark_residual,
         f"{model.name}, {model.licence}",
+        motion(model, fit.state),
+    )
+
+
+def motion(model: HeadModel, state: State) -> Motion:
+    """The units of `model`, and the pose and expression of `state`."""
+    unit, vertex = np.nonzero(np.abs(model.expression).max(axis=2) > _LEAST)
+    return Motion(
+        model.expression_names,
+        unit.astype(np.int32),
+        vertex.astype(np.int32),
+        model.expression[unit, vertex],
+        np.asarray(state.expression, np.float32),
+        np.asarray(state.rotation, np.float64),
+        np.asarray(state.translation, np.float64),
     )
 
 

@@ -275,7 +275,7 @@ class LandmarkProblem:
         middle, corners = LIP_GAP[1:6], (LIPS_INNER[0], LIPS_INNER[10])
         gap = relative_gap(self.landmarks[:, :2], middle, corners)
         if mouth_closed or gap < self.settings.closed:
-            shape = seal_lips(self.model, shape)
+            shape = seal_lips(self.model.landmarks(shape), shape)
         return replace(self.posed(state, shape), landmark_residual=modelled.landmark_residual)
 
     def posed(self, state: State, shape: np.ndarray) -> HeadFit:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..perception.topology import LIPS_INNER
+from ..perception.topology import LEFT_EYE, LIPS_INNER, RIGHT_EYE
 from ..scene.components import components
 from .model import HeadModel
 
@@ -23,9 +23,11 @@ _LARGEST_RADIUS = 2.0
 UPPER_RIM = LIPS_INNER[:11]
 # From the same corner as UPPER_RIM; both rims contain both corners.
 LOWER_RIM = (LIPS_INNER[0], *LIPS_INNER[:10:-1], LIPS_INNER[10])
+#: Of the eyes, right and left, from the outer corner to the inner one, upper and lower.
+LID_RIMS = tuple((eye[:9], (eye[0], *eye[:7:-1])) for eye in (RIGHT_EYE, LEFT_EYE))
 # How far from the rim the flesh follows, and how far closed rims overlap: a line of contact
 # between two triangle meshes would let light through. Centimetres.
-_REACH = 0.8
+_REACH, _LID_REACH = 0.8, 0.4
 _OVERLAP = 0.03
 _SAMPLES = 60
 
@@ -64,12 +66,25 @@ def _sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
     return centre, float(np.linalg.norm(points - centre, axis=-1).max())
 
 
-def seal_lips(model: HeadModel, vertices: np.ndarray) -> np.ndarray:
+def seal_lips(landmarks: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """Vertices (V, 3), model frame, float32, with the lips' rims moved up and down to meet.
 
-    Lips that already overlap, and models without landmarks on the lips, are left alone.
+    landmarks: (478, 3) on `vertices`. Lips that already overlap, and models without landmarks on
+    the lips, are left alone.
     """
-    rims = model.landmarks(vertices)[[UPPER_RIM, LOWER_RIM]]  # (2, 11, 3)
+    return _meeting(landmarks[[UPPER_RIM, LOWER_RIM]], vertices, _REACH)
+
+
+def shut_lids(landmarks: np.ndarray, vertices: np.ndarray, left: bool) -> np.ndarray:
+    """As `seal_lips`, of one eye's lids; the eyeball moves, too: put it back."""
+    return _meeting(landmarks[list(LID_RIMS[left])], vertices, _LID_REACH)
+
+
+def _meeting(rims: np.ndarray, vertices: np.ndarray, reach: float) -> np.ndarray:
+    """`vertices` (V, 3) with the upper and lower rim (2, R, 3) on them moved up and down to meet.
+
+    reach: how far from the rims the surface follows, cm.
+    """
     if not np.isfinite(rims).all():
         return vertices
     gap = np.maximum(rims[0, :, 1] - rims[1, :, 1] + _OVERLAP, 0)
@@ -80,14 +95,14 @@ def seal_lips(model: HeadModel, vertices: np.ndarray) -> np.ndarray:
     fine_gap = np.interp(along, np.linspace(0, 1, len(gap)), gap)
     box = np.concatenate([upper, lower])
     near = np.flatnonzero(
-        ((vertices > box.min(axis=0) - _REACH) & (vertices < box.max(axis=0) + _REACH)).all(axis=1)
+        ((vertices > box.min(axis=0) - reach) & (vertices < box.max(axis=0) + reach)).all(axis=1)
     )
     distances = np.linalg.norm(
         vertices[near][:, None] - np.stack([upper, lower])[:, None], axis=-1
     )  # (2, N, samples)
     nearest = distances.argmin(axis=-1)
     distance = distances.min(axis=-1)
-    falloff = np.clip(1 - (distance / _REACH) ** 2, 0, 1) ** 2
+    falloff = np.clip(1 - (distance / reach) ** 2, 0, 1) ** 2
     amount = 0.5 * fine_gap[nearest] * falloff
     is_upper = distance[0] < distance[1]
     moved = vertices.copy()
@@ -96,7 +111,7 @@ def seal_lips(model: HeadModel, vertices: np.ndarray) -> np.ndarray:
 
 
 def _resampled(rim: np.ndarray) -> np.ndarray:
-    """`rim` (11, 3) at _SAMPLES parameters, linear between its points."""
+    """`rim` (R, 3) at _SAMPLES parameters, linear between its points."""
     places = np.linspace(0, 1, len(rim))
     along = np.linspace(0, 1, _SAMPLES)
     return np.stack([np.interp(along, places, rim[:, axis]) for axis in range(3)], axis=-1)

@@ -26,6 +26,12 @@ _ARRAYS = {
     "fit_landmarks": ("head.landmarks", Kind(("L", 2))),
     "fit_landmark_triangle": ("head.landmark_points.triangle", Kind(("L",), "<i4")),
     "fit_landmark_barycentric": ("head.landmark_points.barycentric", Kind(("L", 3))),
+    "unit": ("head.motion.unit", Kind(("N",), "<i4")),
+    "unit_vertex": ("head.motion.vertex", Kind(("N",), "<i4")),
+    "unit_displacement": ("head.motion.displacement", Kind(("N", 3))),
+    "expression": ("head.motion.expression", Kind(("E",))),
+    "head_rotation": ("head.motion.rotation", Kind((3, 3), "<f8")),
+    "head_translation": ("head.motion.translation", Kind((3,), "<f8")),
     "diffuse_albedo": ("face.maps.diffuse_albedo", _COLOUR),
     "specular_albedo": ("face.maps.specular_albedo", _SCALAR),
     "roughness": ("face.maps.roughness", _SCALAR),
@@ -45,10 +51,15 @@ _ARRAYS = {
     "sun": ("conditions.shadow.sun", Kind((3,))),
     "tint": ("conditions.tint", _COLOUR),
 }
-#: Only in results that the parser was asked for, with a shadow, with a sun, with a tint.
-_OPTIONAL = ("shares", "shadow_visibility", "shadow_remaining", "shadow_trust", "sun", "tint")
+#: Of a head model that was fitted: all or none, and names of its units besides.
+MOTION = ("unit", "unit_vertex", "unit_displacement", "expression")
+MOTION += ("head_rotation", "head_translation")
+#: Only in results of a fitted head, that the parser was asked for, with a shadow, a sun, a tint.
+_OPTIONAL = (*MOTION, "shares", "shadow_visibility", "shadow_remaining", "shadow_trust")
+_OPTIONAL += ("sun", "tint")
 #: What indexes into arrays of which size, and the lowest index: -1 where the mesh has no landmark.
 _INDEXED = {"triangles": ("V", 0), "triangle_uv": ("T", 0), "fit_landmark_triangle": ("F", -1)}
+_INDEXED |= {"unit": ("E", 0), "unit_vertex": ("V", 0)}
 _AGAIN = "reconstruct the photo again"
 
 
@@ -69,5 +80,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
     kinds = {name: kind for name, (_, kind) in _ARRAYS.items()}
     found, sizes = read_checked(path, kinds, remedy=_AGAIN, optional=_OPTIONAL)
     for name, (size, low) in _INDEXED.items():
+        if name not in found:
+            continue
         check_indices(path, name, found[name], sizes[size], low)
     return found

@@ -32,7 +32,9 @@ from scipy import ndimage
 
 from ..face.reconstruction import Reconstruction
 from .eyeballs import borrowed
+from .eyes import Eye
 from .geometry import Welded, welded
+from .iris import complete_eyes
 from .parts import SKIN, mirror_axis, parts, parts_of_corners
 from .photo_samples import CHANNELS, HEIGHT, LOGS, PhotoSamples, Points
 from .scalp import hair_of
@@ -73,8 +75,12 @@ class Atlas:
     mesh: Welded
 
 
-def bake(reconstruction: Reconstruction, size: int, scalp: str = "skin") -> Atlas:
+def bake(
+    reconstruction: Reconstruction, size: int, scalp: str = "skin", eyes: tuple[Eye, ...] = ()
+) -> Atlas:
     """The maps of `reconstruction` in `size` x `size` texels of its texture layout.
+
+    eyes: those that are completed (iris.py).
 
     scalp: one of SCALPS, what lies under hair; for "hair" see hair_of, and for what it raises.
     """
@@ -127,6 +133,7 @@ def bake(reconstruction: Reconstruction, size: int, scalp: str = "skin") -> Atla
         lent = moved[some.triangle]
         level[some.index] = _level(own[:, 0] * ~lent, share + own[:, 0] * lent, known)
 
+    complete_eyes(eyes, mesh, texels, out, level)
     part_image = np.full(size * size, 255, dtype=np.uint8)
     part_image[texels.index] = part[texels.triangle]
     grid, levels = out.reshape(size, size, CHANNELS), level.reshape(size, size)

@@ -6,7 +6,7 @@ import os
 import re
 import tomllib
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -18,7 +18,7 @@ from ..errors import SettingsError
 from ..face.reconstruction import Reconstruction
 from ..progress.callbacks import StepProgress, silent
 from ..storage.folder import write_all
-from .geometry import mtl, obj, ply
+from .geometry import mtl, obj, ply, welded
 from .images import DISPLACEMENT_PNG, exr, png
 from .layout import LARGEST, LAYOUTS, SMALLEST, atlas_size, laid_out
 from .scalp import SCALPS
@@ -26,7 +26,12 @@ from .textures import EXRS, MAP_FILES, PNGS
 
 if TYPE_CHECKING:
     from .atlas import Atlas
+    from .eyes import Eye
 
+#: "photo": the head as the photo shows it. "neutral": upright, without an expression.
+POSES = ("photo", "neutral")
+#: Formats with the photo's camera in them, of which a neutral head has none.
+_PHOTO_ONLY = ("mitsuba", "blender")
 #: The file that makes a folder an export, and the words it starts with.
 MARK = "export.toml"
 MARK_TEXT = "# unlit export"
@@ -37,8 +42,9 @@ _MARK_BYTES = 1 << 16
 class ExportJob:
     """What the writers need.
 
-    reconstruction: with the texture coordinates of `layout`. back: path from the export's folder
-    to the result's.
+    reconstruction: with the texture coordinates of `layout`, in `pose`, its eyeballs as its `eyes`
+    look. back: path from the export's folder to the result's. light: whether the glTF file has its
+    light beside it.
     """
 
     reconstruction: Reconstruction
@@ -47,6 +53,9 @@ class ExportJob:
     back: str
     layout: str
     scalp: str = "skin"
+    pose: str = "photo"
+    eyes: tuple[Eye, ...] = ()
+    light: bool = True
 
 
 #: By file name: what makes its content.
@@ -59,28 +68,32 @@ def export(
     reconstruction: Reconstruction,
     folder: str | Path,
     source: str | Path,
-    formats: Collection[str] = ("glb", "obj", "ply", "mitsuba", "blender"),
+    formats: Collection[str] | None = None,
     size: int | None = None,
     directx: bool = False,
     progress: StepProgress = silent,
     only_maps: Collection[str] = (),
     layout: str = "face",
     scalp: str = "skin",
+    pose: str = "photo",
 ) -> Path:
     """Write `formats` (keys of FORMATS) into `folder`, all or nothing; returns the folder.
+
+    formats: if None, all but USD, and in the pose "neutral" none that renders the photo's view.
 
     An export that is there is replaced: what it lists and this one does not have is removed.
 
     source: the folder that `reconstruction` was loaded from, which scene_unlit.xml refers to.
     size: texels a side of the atlas, 512 to 4096; by default what the crop is worth (layout.py).
     layout: where the head's parts lie in it, one of LAYOUTS. scalp: what lies under hair, one of
-    SCALPS: skin, or the hair's mean colour, for which the photo has to show hair. directx: y of
-    the PNG normal maps points down.
+    SCALPS: skin, or the hair's mean colour, for which the photo has to show hair. pose: one of
+    POSES. directx: y of the PNG normal maps points down.
     only_maps: keys of MAP_FILES; if there are any, these maps of the atlas are written, and no
     format.
     Raises SettingsError, ModelError or OutputError.
     """
     folder = Path(folder)
+    formats = default_formats(pose) if formats is None else formats
     chosen, known = (only_maps, MAP_FILES) if only_maps else (formats, FORMATS)
     unknown = set(chosen) - known.keys()
     if unknown or not chosen:
@@ -91,15 +104,19 @@ def export(
         raise SettingsError(f"layout {layout}: choose from {', '.join(LAYOUTS)}")
     if scalp not in SCALPS:
         raise SettingsError(f"scalp {scalp}: choose from {', '.join(SCALPS)}")
+    if pose not in POSES:
+        raise SettingsError(f"pose {pose}: choose from {', '.join(POSES)}")
+    if pose == "neutral" and (views := [name for name in chosen if name in _PHOTO_ONLY]):
+        raise SettingsError(
+            f"{', '.join(views)} renders the photo's view, which a neutral pose has not: "
+            f"choose from {', '.join(name for name in FORMATS if name not in _PHOTO_ONLY)}"
+        )
     size = atlas_size(reconstruction) if size is None else size
     if not SMALLEST <= size <= LARGEST:
         raise SettingsError(f"size {size}: choose {SMALLEST} to {LARGEST} texels")
-    from .atlas import bake
-
     progress("baking the atlas", 0, 2)
     back = _way(folder.resolve(), Path(source).resolve())
-    laid = laid_out(reconstruction, layout)
-    job = ExportJob(laid, bake(laid, size, scalp), directx, back, layout, scalp)
+    job = job_of(reconstruction, size, layout, scalp, pose, directx, back)
     contents: Contents = {}
     if only_maps:
         files = {file for name in only_maps for file in MAP_FILES[name]}
@@ -114,6 +131,35 @@ def export(
     write_all(folder, writers, MARK, MARK_TEXT, _listed(folder / MARK))
     progress("done", len(writers) + 1, len(writers) + 1)
     return folder
+
+
+def default_formats(pose: str) -> tuple[str, ...]:
+    """All that can be written in the pose, without what a package of its own writes."""
+    shown = (name for name in FORMATS if name != "usd")
+    return tuple(name for name in shown if pose == "photo" or name not in _PHOTO_ONLY)
+
+
+def job_of(
+    reconstruction: Reconstruction,
+    size: int,
+    layout: str,
+    scalp: str = "skin",
+    pose: str = "photo",
+    directx: bool = False,
+    back: str = "",
+) -> ExportJob:
+    """The atlas of `reconstruction`, and its mesh in `pose`; as for `export`."""
+    from .atlas import bake
+    from .eyes import eyes_of, looking
+    from .shapes import neutral
+
+    eyes = eyes_of(reconstruction)
+    r = looking(laid_out(reconstruction, layout), eyes)
+    posed, straight = neutral(r, eyes) if pose == "neutral" else (r, eyes)
+    atlas = bake(r, size, scalp, eyes)
+    if posed is not r:
+        atlas = replace(atlas, mesh=welded(posed))
+    return ExportJob(posed, atlas, directx, back, layout, scalp, pose, straight)
 
 
 def writers_of(contents: Contents) -> Writers:
@@ -149,6 +195,7 @@ def _mark(job: ExportJob, formats: list[str], size: int, files: Iterable[str]) -
         "size": size,
         "layout": job.layout,
         "scalp": job.scalp,
+        "pose": job.pose,
         "normals": "y down (DirectX) in PNG" if job.directx else "y up (OpenGL)",
         "displacement": f"millimetres in EXR; {DISPLACEMENT_PNG} in PNG",
         "files": sorted([*files, MARK]),
@@ -184,9 +231,13 @@ def _atlas_pngs(job: ExportJob) -> Contents:
 
 
 def _glb(job: ExportJob) -> Contents:
-    from .gltf import glb
+    from .gltf import GLTF_LIGHT, glb, gltf_environment
 
-    return {"face.glb": lambda: glb(job.reconstruction, job.atlas)}
+    r, photo = job.reconstruction, job.pose == "photo"
+    files: Contents = {"face.glb": lambda: glb(r, job.atlas, job.eyes, photo)}
+    if photo and job.light:
+        files[GLTF_LIGHT] = lambda: exr(gltf_environment(r.light.environment))
+    return files
 
 
 def _obj(job: ExportJob) -> Contents:

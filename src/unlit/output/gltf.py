@@ -13,8 +13,7 @@ reflection. The index of refraction is KHR_materials_ior's.
 
 from __future__ import annotations
 
-import json
-import struct
+from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any
 
@@ -22,56 +21,218 @@ import numpy as np
 
 from ..color import encode_srgb
 from ..face.reconstruction import Reconstruction
+from ..head.procrustes import procrustes
 from ..scene.brdf import IOR
+from ..scene.normals import vertex_normals
 from .atlas import Atlas
-from .images import bytes_of, encoded, png
-from .parts import PARTS
+from .cornea import Cornea, cornea
+from .eyes import Eye
+from .geometry import Welded, welded
+from .gltf_file import GltfFile
+from .images import bytes_of, encoded
+from .parts import EYES, PARTS
+from .shapes import lids_clear, shapes
 from .textures import normal_bytes, perceptual_roughness
 
 #: Metres in a centimetre.
 METRE = 0.01
+#: The photo's light beside the file, see gltf_environment.
+GLTF_LIGHT = "environment_gltf.exr"
+#: Nodes by the part they show; eyes have one each.
+_NODES = ("face", "eyes", "mouth", "teeth")
 
-_FLOAT, _UINT = 5126, 5125
-_VERTICES, _INDICES = 34962, 34963  # targets of buffer views
-_LINEAR, _MIPMAPS, _CLAMP = 9729, 9987, 33071
+#: What a morph target moves by less is left out, m, and how little its normals may turn.
+_STILL, _UNBENT = 5e-5, 0.03
+#: The cornea is there to this share, and reflects that much more for it: 2.5 % of the light that
+#: falls straight on it, of which viewers without KHR_materials_specular show a part. Its texture is
+#: that of the eye behind, so that it veils nothing. Roughness of tears.
+_THERE, _GLOSS, _WET = 0.1, 10.0, 0.08
+_CORNEA_IOR = 1.376
 
 
-def glb(reconstruction: Reconstruction, atlas: Atlas) -> bytes:
-    """A binary glTF file of the face with the maps of `atlas`."""
-    mesh = atlas.mesh
-    centre = (mesh.position.min(axis=0) + mesh.position.max(axis=0)) / 2
-    file = _File()
-    attributes = {
-        "POSITION": file.vertices((mesh.position - centre) * METRE, bounds=True),
-        "NORMAL": file.vertices(mesh.normal),
-        "TANGENT": file.vertices(mesh.tangent),
-        "TEXCOORD_0": file.vertices(np.stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]], axis=1)),
-    }
-    present = [index for index in range(len(PARTS)) if (atlas.part == index).any()]
-    primitives = [
-        {
-            "attributes": attributes,
-            "indices": file.indices(mesh.triangles[atlas.part == index]),
-            "material": number,
-        }
-        for number, index in enumerate(present)
-    ]
+def glb(
+    reconstruction: Reconstruction,
+    atlas: Atlas,
+    eyes: tuple[Eye, ...] = (),
+    camera: bool = True,
+) -> bytes:
+    """A binary glTF file of the face with the maps of `atlas`.
+
+    eyes: of the reconstruction, whose eyeballs look where they do (eyes.looking); without any,
+    eyeballs are one mesh and have no corneas. camera: whether the photo's camera is in the file.
+    """
+    r = lids_clear(reconstruction, eyes)
+    mesh = welded(r) if eyes else atlas.mesh
+    low, high = mesh.position.min(axis=0), mesh.position.max(axis=0)
+    centre = (low.astype(np.float64) + high) / 2
+    file = GltfFile()
+    moved = _moved(r, mesh, shapes(r, eyes))
     material = _material(file, atlas)
+    materials: list[dict[str, Any]] = []
+    meshes: list[dict[str, Any]] = []
+    nodes: list[dict[str, Any]] = [{"name": "head"}]
+
+    def add(name: str, piece: _Piece, own: dict[str, Any], origin: np.ndarray) -> None:
+        if own not in materials:
+            materials.append(own)
+        meshes.append(_mesh(file, name, piece, origin, materials.index(own)))
+        place = (origin - centre) * METRE
+        node = {"name": name, "mesh": len(meshes) - 1}
+        nodes.append(node | ({"translation": place.tolist()} if place.any() else {}))
+
+    for index in np.unique(atlas.part):
+        here = atlas.part == index
+        if index == EYES and eyes:
+            for eye in eyes:
+                ball = _piece(mesh, here & eye.vertices[mesh.vertex[mesh.triangles[:, 0]]], moved)
+                side = "left" if eye.left else "right"
+                add(f"eye_{side}", ball, {"name": PARTS[EYES], **material}, eye.centre)
+                clear = cornea(eye, ball.position, ball.triangles)
+                add(f"cornea_{side}", _over(ball, clear), _clear(material), eye.centre)
+        else:
+            own = {"name": PARTS[index], **material}
+            add(_NODES[index], _piece(mesh, here, moved), own, centre)
+    nodes[0]["children"] = list(range(1, len(nodes)))
+    tops = [0]
+    cameras = {}
+    if camera:
+        place = (-centre * METRE).tolist()
+        tops.append(len(nodes))
+        nodes.append({"name": "photo camera", "camera": 0, "translation": place})
+        cameras = {"cameras": [_camera(r)]}
     document = {
         "asset": {"version": "2.0", "generator": f"unlit {version('unlit')}"},
         "extensionsUsed": ["KHR_materials_ior", "KHR_materials_specular"],
         "scene": 0,
-        "scenes": [{"name": reconstruction.photo.name or "face", "nodes": [0, 1]}],
-        "nodes": [
-            {"name": "face", "mesh": 0},
-            {"name": "photo camera", "camera": 0, "translation": (-centre * METRE).tolist()},
-        ],
-        "meshes": [{"name": "face", "primitives": primitives}],
-        "cameras": [_camera(reconstruction)],
-        "materials": [{"name": PARTS[index], **material} for index in present],
+        "scenes": [{"name": r.photo.name or "face", "nodes": tops}],
+        "nodes": nodes,
+        "meshes": meshes,
+        **cameras,
+        "materials": materials,
         **file.tables(),
     }
     return file.packed(document)
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Corners and triangles of a part of the mesh, cm.
+
+    position, normal (W, 3), tangent (W, 4), uv (W, 2), triangles (F, 3); targets: by name, how
+    position and normal move, each (W, 3); only those that move it.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    tangent: np.ndarray | None
+    uv: np.ndarray
+    triangles: np.ndarray
+    targets: dict[str, tuple[np.ndarray, np.ndarray]]
+
+
+#: By unit's name: how the vertices (V, 3), cm, and the normals of the corners (W, 3) move.
+_Moved = dict[str, tuple[np.ndarray, np.ndarray]]
+
+
+def _moved(r: Reconstruction, mesh: Welded, shapes: dict[str, np.ndarray]) -> _Moved:
+    out = {}
+    vertices, triangles = r.face.mesh.vertices, r.face.mesh.triangles
+    rest = vertex_normals(vertices, triangles)
+    for name, delta in shapes.items():
+        bent = vertex_normals(vertices + delta, triangles) - rest
+        out[name] = delta[mesh.vertex], bent[mesh.vertex]
+    return out
+
+
+def _piece(mesh: Welded, triangles: np.ndarray, moved: _Moved) -> _Piece:
+    """The triangles (F,) bool of the mesh."""
+    corners, index = np.unique(mesh.triangles[triangles], return_inverse=True)
+    targets = {}
+    for name, both in moved.items():
+        delta, bent = (values[corners] for values in both)
+        if np.linalg.norm(delta, axis=1).max(initial=0) * METRE > _STILL:
+            targets[name] = delta, bent
+    return _Piece(
+        mesh.position[corners],
+        mesh.normal[corners],
+        mesh.tangent[corners],
+        mesh.uv[corners],
+        index.reshape(-1, 3),
+        targets,
+    )
+
+
+def _over(ball: _Piece, clear: Cornea) -> _Piece:
+    """The cornea as a piece that turns with the eyeball."""
+
+    def of(values: np.ndarray) -> np.ndarray:
+        return np.einsum("nc,ncx->nx", clear.weights, values[clear.corners])
+
+    targets = {}
+    for name, (delta, _) in ball.targets.items():
+        turn = procrustes(ball.position, ball.position + delta)[1]
+        middle = (ball.position.min(axis=0) + ball.position.max(axis=0)) / 2
+        arm = clear.position - middle
+        targets[name] = arm @ turn.T - arm, clear.normal @ turn.T - clear.normal
+    return _Piece(clear.position, clear.normal, None, of(ball.uv), clear.triangles, targets)
+
+
+def _mesh(
+    file: GltfFile, name: str, piece: _Piece, origin: np.ndarray, material: int
+) -> dict[str, Any]:
+    """One mesh with one primitive, about `origin`, cm."""
+    attributes = {
+        "POSITION": file.vertices((piece.position - origin) * METRE, bounds=True),
+        "NORMAL": file.vertices(piece.normal),
+        "TEXCOORD_0": file.vertices(np.stack([piece.uv[:, 0], 1 - piece.uv[:, 1]], axis=1)),
+    }
+    if piece.tangent is not None:
+        attributes["TANGENT"] = file.vertices(piece.tangent)
+    primitive: dict[str, Any] = {
+        "attributes": attributes,
+        "indices": file.indices(piece.triangles),
+        "material": material,
+    }
+    out: dict[str, Any] = {"name": name, "primitives": [primitive]}
+    if piece.targets:
+        primitive["targets"] = [
+            {
+                "POSITION": file.sparse(delta * METRE, _STILL),
+                "NORMAL": file.sparse(bent, _UNBENT),
+            }
+            for delta, bent in piece.targets.values()
+        ]
+        out["weights"] = [0] * len(piece.targets)
+        out["extras"] = {"targetNames": list(piece.targets)}
+    return out
+
+
+def _clear(material: dict[str, Any]) -> dict[str, Any]:
+    """The material of the cornea, given that of the eye behind."""
+    albedo = material["pbrMetallicRoughness"]["baseColorTexture"]
+    return {
+        "name": "cornea",
+        "alphaMode": "BLEND",
+        "pbrMetallicRoughness": {
+            "baseColorTexture": albedo,
+            "baseColorFactor": [1, 1, 1, _THERE],
+            "roughnessFactor": _WET,
+            "metallicFactor": 0,
+        },
+        "extensions": {
+            "KHR_materials_ior": {"ior": _CORNEA_IOR},
+            "KHR_materials_specular": {"specularColorFactor": [_GLOSS] * 3},
+        },
+    }
+
+
+def gltf_environment(light: np.ndarray) -> np.ndarray:
+    """A latitude-longitude map (H, W, ...) as glTF viewers want it, given ours (scene/light.py).
+
+    three.js, <model-viewer> and Blender have +x in the middle column, we have +z there: a quarter
+    turn.
+    """
+    return np.roll(light, light.shape[1] // 4, axis=1)
 
 
 def specular_texture(albedo: np.ndarray) -> tuple[np.ndarray, float]:
@@ -86,7 +247,7 @@ def specular_texture(albedo: np.ndarray) -> tuple[np.ndarray, float]:
     return bytes_of(np.concatenate([colour, albedo[..., None]], axis=-1)), factor
 
 
-def _material(file: _File, atlas: Atlas) -> dict[str, Any]:
+def _material(file: GltfFile, atlas: Atlas) -> dict[str, Any]:
     rough = perceptual_roughness(atlas.roughness)
     # Red is for occlusion, which is not used; blue is the metalness.
     surface = np.stack([np.full_like(rough, 255), rough, np.zeros_like(rough)], axis=-1)
@@ -127,74 +288,3 @@ def _camera(r: Reconstruction) -> dict[str, Any]:
             "crop": [half_x - camera.cx, half_y - camera.cy, camera.width, camera.height],
         },
     }
-
-
-class _File:
-    """Collects the binary part, and the tables that say what is where in it."""
-
-    def __init__(self) -> None:
-        self._binary = bytearray()
-        self._views: list[dict[str, Any]] = []
-        self._accessors: list[dict[str, Any]] = []
-        self._images: list[dict[str, Any]] = []
-
-    def vertices(self, values: np.ndarray, bounds: bool = False) -> int:
-        """Accessor of (V, C) float32."""
-        values = np.ascontiguousarray(values, dtype="<f4")
-        limits = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
-        return self._accessor(
-            values.tobytes(),
-            _VERTICES,
-            {
-                "componentType": _FLOAT,
-                "count": len(values),
-                "type": f"VEC{values.shape[1]}",
-                **(limits if bounds else {}),
-            },
-        )
-
-    def indices(self, triangles: np.ndarray) -> int:
-        """Accessor of (F, 3) indices."""
-        return self._accessor(
-            np.ascontiguousarray(triangles, dtype="<u4").tobytes(),
-            _INDICES,
-            {"componentType": _UINT, "count": triangles.size, "type": "SCALAR"},
-        )
-
-    def texture(self, name: str, pixels: np.ndarray) -> int:
-        """Texture of (N, N, C) uint8."""
-        view = self._view(png(pixels))
-        self._images.append({"name": name, "mimeType": "image/png", "bufferView": view})
-        return len(self._images) - 1
-
-    def tables(self) -> dict[str, Any]:
-        return {
-            "images": self._images,
-            "samplers": [
-                {"magFilter": _LINEAR, "minFilter": _MIPMAPS, "wrapS": _CLAMP, "wrapT": _CLAMP}
-            ],
-            "textures": [{"sampler": 0, "source": index} for index in range(len(self._images))],
-            "accessors": self._accessors,
-            "bufferViews": self._views,
-            "buffers": [{"byteLength": len(self._binary)}],
-        }
-
-    def packed(self, document: dict[str, Any]) -> bytes:
-        """The GLB container: header, JSON chunk, binary chunk, each a multiple of four bytes."""
-        text = json.dumps(document, separators=(",", ":")).encode()
-        text += b" " * (-len(text) % 4)
-        chunks = b"".join(
-            struct.pack("<I4s", len(data), kind) + data
-            for kind, data in ((b"JSON", text), (b"BIN\0", bytes(self._binary)))
-        )
-        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
-
-    def _accessor(self, data: bytes, target: int, accessor: dict[str, Any]) -> int:
-        self._accessors.append({"bufferView": self._view(data, target), **accessor})
-        return len(self._accessors) - 1
-
-    def _view(self, data: bytes, target: int | None = None) -> int:
-        place = {"buffer": 0, "byteOffset": len(self._binary), "byteLength": len(data)}
-        self._views.append(place | ({"target": target} if target else {}))
-        self._binary += data + b"\0" * (-len(data) % 4)
-        return len(self._views) - 1

@@ -34,6 +34,8 @@ _BORDER, _GAP, _ROW = 0.005, 0.01, 0.16
 _FACE = (0.82, 0.84)
 #: Of the face's height: what of the forehead lies above the landmarks.
 _FOREHEAD = 0.08
+#: How much larger the middle of an eyeball's chart gets, where the iris is.
+_FRONT = 3.0
 #: Charts that nobody sees may be squeezed sideways to this part.
 _NARROWEST = 0.3
 
@@ -120,6 +122,12 @@ class _Chart:
     kind: int
 
 
+def _fronted(disc: np.ndarray) -> np.ndarray:
+    """Points (N, 2) of a disc about 0, its middle stretched _FRONT times and its rim kept."""
+    radius = np.minimum(np.linalg.norm(disc, axis=1, keepdims=True), 1)
+    return disc * (1 + (_FRONT - 1) * (1 - radius) ** 2)
+
+
 def _others(mesh: PosedMesh, chart: np.ndarray, main: np.ndarray) -> list[_Chart]:
     """All charts but `main`, skin first and what is inside last."""
     part = parts(mesh.vertices, mesh.triangles, mesh.triangle_uv)
@@ -153,5 +161,7 @@ def _place(out: np.ndarray, charts: list[_Chart]) -> None:
         points = out[chart.vertices]
         low = points.min(axis=0)
         share = (points - low) / np.maximum(np.ptp(points, axis=0), 1e-9)
+        if chart.kind == EYES:
+            share = 0.5 + 0.5 * _fronted(2 * share - 1)
         out[chart.vertices] = (left, _BORDER) + share * (width, height)
         left += width + gap

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import OutputError, SettingsError
 from ..face.conditions import Conditions, Shadow
 from ..face.face import Face, Normals, PosedMesh
-from ..face.head import FittedHead
+from ..face.head import FittedHead, Motion
 from ..face.photo import FacePhoto
 from ..face.reconstruction import Images, Reconstruction
 from ..perception.regions import Regions
@@ -20,7 +20,7 @@ from ..scene.surface_points import SurfacePoints
 from ..settings.settings import PRESETS, override
 from ..storage.folder import MARK
 from ..storage.tables import place_of
-from .arrays import read_arrays
+from .arrays import MOTION, read_arrays
 from .metrics import read_metrics
 from .result_file import read_result_file
 
@@ -64,6 +64,7 @@ def load(folder: str | Path) -> Reconstruction:
             points,
             kept.landmark_residual,
             kept.head_model,
+            _motion_of(arrays, file.units, path),
         ),
         Conditions(color, kept.light_color, _shadow_of(arrays), arrays.get("tint")),
         Face(
@@ -81,6 +82,19 @@ def load(folder: str | Path) -> Reconstruction:
         settings,
         kept.metrics(),
     )
+
+
+def _motion_of(arrays: dict[str, np.ndarray], names: tuple[str, ...], path: Path) -> Motion | None:
+    """None in results that were saved without, and of heads that were not fitted."""
+    if not set(MOTION) <= set(arrays):
+        return None
+    count = len(arrays["expression"])
+    if len(names) != count:
+        raise OutputError(
+            f"{path}: head.units has {len(names)} names, the arrays have {count} units; "
+            "reconstruct the photo again"
+        )
+    return Motion(names, *(arrays[name] for name in MOTION))
 
 
 def _shadow_of(arrays: dict[str, np.ndarray]) -> Shadow | None:

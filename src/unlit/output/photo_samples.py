@@ -30,6 +30,8 @@ LOGS, HEIGHT, CHANNELS = slice(0, 5), 9, 10
 
 _DARKEST = 1e-3
 _STRAIGHTEST = 0.05  # least z of a tangent-space normal
+#: How far lids over the photo's eye are continued, cm, and what that is worth as evidence.
+_LID, _LID_WORTH = 0.3, 0.9
 _TONE = 0.25  # cm, standard deviation of the blur of what vertices take
 
 
@@ -100,6 +102,25 @@ class PhotoSamples:
         extra = pixel_evidence(r, distance, self.centimetre), features(r, self.centimetre)
         channels = np.dstack([logs, *bends, self.displacement, *extra])
         self.maps = channels.reshape(pixels, -1)
+        self._lids((shown == SKIN) & eye)
+
+    def _lids(self, over_eye: np.ndarray) -> None:
+        """Let pixels that show the mesh's lids over the photo's eye take the skin beside it.
+
+        over_eye: (pixels,) bool. The fitted lids are a little off; what is nearest to the eye in
+        the photo, lashes and the lids' own rims, then goes on to the rims of the mesh.
+        """
+        shape = self.camera.height, self.camera.width
+        away: Any = ndimage.distance_transform_edt(
+            ~self.shows[:, SKIN].reshape(shape), return_indices=True
+        )
+        distance, (rows, columns) = away
+        lids = np.flatnonzero(over_eye & (distance.ravel() < _LID * self.centimetre))
+        source = (rows * self.camera.width + columns).ravel()[lids]
+        self.maps[lids, :-2] = self.maps[source, :-2]
+        self.maps[lids, -2] = _LID_WORTH * self.maps[source, -2]
+        self.maps[lids, -1] = 1
+        self.shows[lids, SKIN] = True
 
     @cached_property
     def toned(self) -> np.ndarray:

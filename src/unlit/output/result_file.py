@@ -63,6 +63,12 @@ class LightTable(_Table, frozen=True):
     gain: _Positive
 
 
+class HeadTable(_Table, frozen=True):
+    """units: names of the head's expression units, none where no head was fitted."""
+
+    units: tuple[str, ...] = ()
+
+
 class ResultTable(_Table, frozen=True):
     """The file as it is written. unlit: the version that wrote it. files: what each file holds."""
 
@@ -74,6 +80,7 @@ class ResultTable(_Table, frozen=True):
     light: LightTable
     settings: dict[str, Any]
     files: dict[str, str]
+    head: HeadTable = HeadTable()
 
 
 @dataclass(frozen=True)
@@ -85,6 +92,7 @@ class ResultFile:
     crop: Crop
     light: LightTable
     settings: dict[str, Any]
+    units: tuple[str, ...]
 
 
 def result_toml(r: Reconstruction, files: dict[str, str]) -> str:
@@ -98,6 +106,7 @@ def result_toml(r: Reconstruction, files: dict[str, str]) -> str:
         LightTable(tuple(r.light.color.tolist()), r.gain),
         as_dict(r.settings),
         files,
+        HeadTable(r.head.motion.names if r.head.motion else ()),
     )
     return _HEAD + tomli_w.dumps(msgspec.to_builtins(file))
 
@@ -120,7 +129,7 @@ def read_result_file(path: Path) -> ResultFile:
         crop = Crop(np.array(table.crop.matrix), table.crop.resolution)
     except ValueError as error:
         raise _wrong(path, f"crop.matrix: {error}") from error
-    file = ResultFile(table.photo, camera, crop, table.light, table.settings)
+    file = ResultFile(table.photo, camera, crop, table.light, table.settings, table.head.units)
     if not file.camera.width == file.camera.height == file.crop.resolution:
         raise OutputError(
             f"{path}: camera and crop are {file.camera.width} x {file.camera.height} and "

@@ -6,6 +6,7 @@ import contextlib
 import functools
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,9 +17,9 @@ from ..face.reconstruction import Reconstruction
 from ..progress.callbacks import StepProgress, silent
 from ..storage.folder import CHECKPOINT, MARK, REPORT, STAGES, THUMBNAIL, write_all
 from .arrays import write_arrays
-from .export import FORMATS, Contents, ExportJob, told, writers_of
+from .export import FORMATS, Contents, job_of, told, writers_of
 from .images import DISPLACEMENT_PNG, MAPS, exr, height_levels, png
-from .layout import atlas_size, laid_out
+from .layout import atlas_size
 from .metrics import metrics_json
 from .montage import montage_png
 from .relit import Relit, relit
@@ -90,12 +91,10 @@ def save(
     Raises OutputError if the folder cannot be written, or holds somebody else's file under one of
     the names to be written.
     """
-    from .atlas import bake
-
     r = reconstruction
     progress("baking the atlas", 0, 2)
-    laid = laid_out(r, LAYOUT)
-    atlas = bake(laid, atlas_size(r))
+    job = replace(job_of(r, atlas_size(r), LAYOUT), light=False)
+    atlas = job.atlas
     pictures = functools.cache(lambda: relit(r))  # for the montage and the pages
     texts = {
         "light.json": _json(_light(r)),
@@ -114,7 +113,7 @@ def save(
     contents["displacement.exr"] = lambda: exr(atlas.crop_displacement)
     contents["displacement.png"] = lambda: png(height_levels(atlas.crop_displacement))
     for name in ("glb", "obj", "ply"):
-        contents |= FORMATS[name](ExportJob(laid, atlas, False, "", LAYOUT))
+        contents |= FORMATS[name](job)
     contents |= {name: text.encode for name, text in texts.items()}
     assert {*contents, _ARRAYS} == FILES.keys()
     for name, page in (pages or {}).items():

@@ -15,6 +15,7 @@ from ..face.face import Face, Normals
 from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba
 from ..output.atlas import bake
+from ..output.eyes import eyes_of
 from ..output.layout import LARGEST, laid_out
 from ..scene.maps import Maps, fill
 from ..scene.mesh import Mesh, surface_weights
@@ -31,7 +32,8 @@ class Turntable:
     def __init__(self, reconstruction: Reconstruction) -> None:
         self.face = reconstruction
         size = min(_FINER * reconstruction.face.camera.width, LARGEST)
-        self.atlas = bake(laid_out(reconstruction, "face"), size)
+        eyes = eyes_of(reconstruction)
+        self.atlas = bake(laid_out(reconstruction, "face"), size, eyes=eyes)
 
     def turned(self, degrees: float) -> Face:
         """The head turned by `degrees` about the vertical axis through its middle.

@@ -9,8 +9,8 @@ from pathlib import Path
 import tomli_w
 
 from ..face.reconstruction import Reconstruction
-from ..output.atlas import Atlas, bake
-from ..output.layout import laid_out
+from ..output.atlas import Atlas
+from ..output.export import job_of
 from ..output.load import load
 from ..output.relit import Relit, relit
 from ..output.save import LAYOUT
@@ -37,7 +37,7 @@ def write_report(folder: str | Path, progress: StepProgress = silent) -> Path:
     result = load(folder)
     path = folder / REPORT
     progress("baking the atlas", 0, 2)
-    atlas = bake(laid_out(result, LAYOUT), _ATLAS)
+    atlas = job_of(result, _ATLAS, LAYOUT).atlas
     progress(f"writing {path.name}", 1, 2)
     write_one(path, report_html(result, atlas, stages).encode())
     progress("done", 2, 2)

@@ -4,7 +4,8 @@ The viewer (viewer/src) shades with our reflectance model and textures of the at
 cannot find out by itself is baked here: for every vertex, which of 648 directions of light it
 sees. Approximations, all of them the viewer's: the light is merged into 32 spherical Gaussians;
 shadows are as coarse as the directions (10 degrees) and the vertices, and the same for both
-lobes; inter-reflection is guessed from how much of the sky the head hides.
+lobes; inter-reflection is guessed from how much of the sky the head hides. Eyeballs have a clear
+cornea (output/cornea.py) as a second lobe.
 """
 
 from __future__ import annotations
@@ -21,6 +22,9 @@ import numpy as np
 from ..face.reconstruction import Reconstruction
 from ..machine.runtime import mitsuba
 from ..output.atlas import Atlas
+from ..output.cornea import surface_over
+from ..output.eyes import eyes_of
+from ..output.geometry import Welded
 from ..output.images import bytes_of
 from ..output.relit import outdoors
 from ..render.visibility import trace, unpacked
@@ -57,6 +61,7 @@ def scene(r: Reconstruction, atlas: Atlas) -> Scene:
         "uv": _fixed(mesh.uv, np.uint16),
         "triangles": mesh.triangles.astype(np.uint16 if small else np.uint32),
     }
+    arrays["clear"] = _fixed(_clear(r, mesh), np.int16)
     seen = _seen(r, mesh.position, mesh.normal)
     arrays["visibility"] = _bitsets(seen)
     arrays["hidden"] = _fixed(_hidden(seen, mesh.normal), np.uint8)
@@ -86,6 +91,17 @@ def material(atlas: Atlas) -> np.ndarray:
     """(N, N, 3) uint8: specular albedo, 0 to 2; square root of alpha, 0 to 1; confidence."""
     channels = [atlas.specular_albedo / 2, np.sqrt(atlas.roughness), atlas.confidence / 255]
     return bytes_of(np.dstack(channels))
+
+
+def _clear(r: Reconstruction, mesh: Welded) -> np.ndarray:
+    """(W, 3) normals of the corneas before the eyeballs' corners; 0 elsewhere."""
+    out = np.zeros(mesh.position.shape)
+    for eye in eyes_of(r):
+        ball = eye.vertices[mesh.vertex]
+        direction = (mesh.position[ball] - eye.centre) / eye.radius
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        out[ball] = surface_over(eye, direction)[1]
+    return out
 
 
 def _seen(r: Reconstruction, position: np.ndarray, normal: np.ndarray) -> np.ndarray:

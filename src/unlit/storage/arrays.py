@@ -41,9 +41,17 @@ class Kind:
 
 
 #: Greatest sizes that are read: pixels a side, vertices, triangles, texture coordinates, lobes,
-#: landmarks, pixels of a mask, cells of a light, bytes of text.
-_SMALL = {"S": 4096, "K": 100_000, "L": 100_000, "M": 100_000, "D": 1_000_000}
-_LIMITS = _SMALL | {"V": 4_000_000, "F": 8_000_000, "T": 8_000_000, "P": 4096**2, "B": 16 << 20}
+#: landmarks, units of expression and what they move, pixels of a mask, cells of a light, bytes of
+#: text.
+_SMALL = {"S": 4096, "K": 100_000, "L": 100_000, "M": 100_000, "D": 1_000_000, "E": 1000}
+_LIMITS = _SMALL | {
+    "V": 4_000_000,
+    "F": 8_000_000,
+    "T": 8_000_000,
+    "N": 64_000_000,
+    "P": 4096**2,
+    "B": 16 << 20,
+}
 
 
 def read_header(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:

@@ -30,7 +30,7 @@ def test_seal_moves_only_the_mouth(head: HeadModel) -> None:
     expression = np.zeros(len(head.expression))
     expression[head.expression_names.index("jawOpen")] = 0.1
     shape = head.vertices(np.zeros(len(head.identity)), expression)
-    sealed = seal_lips(head, shape)
+    sealed = seal_lips(head.landmarks(shape), shape)
     before, after = head.landmarks(shape), head.landmarks(sealed)
     assert before[13, 1] - before[14, 1] > 0.1
     assert after[13, 1] - after[14, 1] < 0.01

@@ -1,7 +1,6 @@
 """`unlit export`: the files it promises, in a folder of its own."""
 
 import importlib
-import inspect
 import json
 import os
 import re
@@ -19,12 +18,13 @@ from scipy.spatial import KDTree
 
 from small_head import CENTRE, save_quickly, small_head, with_outline
 from unlit.cli import main
-from unlit.cli.export import EXPORTS, LAYOUTS, MAPS, SCALPS
+from unlit.cli.export import EXPORTS, LAYOUTS, MAPS, POSES, SCALPS
 from unlit.color import encode_srgb
 from unlit.errors import OutputError, SettingsError
 from unlit.face.reconstruction import Reconstruction
 from unlit.output import layout, scalp
-from unlit.output.export import FORMATS, export
+from unlit.output.export import FORMATS, default_formats, export
+from unlit.output.export import POSES as export_poses
 from unlit.output.save import save
 from unlit.output.textures import MAP_FILES
 
@@ -50,7 +50,8 @@ def test_the_folder_holds_what_it_says(everything):
     assert (*EXPORTS, "usd") == tuple(FORMATS)
     assert LAYOUTS == layout.LAYOUTS
     assert SCALPS == scalp.SCALPS
-    assert inspect.signature(export).parameters["formats"].default == EXPORTS
+    assert default_formats("photo") == EXPORTS
+    assert export_poses == POSES
 
 
 def test_obj_with_materials(r, everything):

@@ -15,6 +15,7 @@ from changed import changed
 from small_head import save_quickly
 from unlit.errors import OutputError
 from unlit.face.conditions import Shadow
+from unlit.face.head import Motion
 from unlit.machine.runtime import mitsuba
 from unlit.output.load import load
 from unlit.output.save import FILES, needed_bytes, save
@@ -78,6 +79,36 @@ def test_a_shadow_with_its_sun_or_without(face, tmp_path, sun):
     assert_same(load(tmp_path / "a"), shadowed)
     save(face, tmp_path / "b")
     assert load(tmp_path / "b").conditions.shadow is None
+
+
+def test_what_moves_the_head(face, tmp_path):
+    """It comes back; names that are not as many as the units are told."""
+    random = np.random.default_rng(1)
+    motion = Motion(
+        ("jawOpen", "eyeBlinkLeft"),
+        np.array([0, 0, 1], np.int32),
+        np.array([2, 3, 2], np.int32),
+        random.random((3, 3), np.float32),
+        np.array([0.25, 0], np.float32),
+        np.eye(3)[[1, 2, 0]],
+        random.random(3),
+    )
+    save(changed(face, {"head.motion": motion}), tmp_path / "a")
+    again = load(tmp_path / "a").head.motion
+    assert again.names == motion.names
+    for name in ("unit", "vertex", "displacement", "expression", "rotation", "translation"):
+        assert_same(getattr(again, name), getattr(motion, name))
+    assert load_without(tmp_path / "a", "eyeBlinkLeft").startswith("head.units has 1 names")
+
+
+def load_without(folder, unit):
+    """What loading says when a unit's name is missing."""
+    path = folder / "reconstruction.toml"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(line for line in lines if line.strip() != f'"{unit}",'))
+    with pytest.raises(OutputError) as found:
+        load(folder)
+    return str(found.value).split(": ", 1)[1]
 
 
 def test_the_lights_colour_and_the_gain(face, tmp_path):

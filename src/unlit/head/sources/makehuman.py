@@ -34,7 +34,7 @@ from . import makehuman_parts as parts
 from .makehuman_files import TARGETS, UNITS, Files
 
 ASSET = "makehuman-head"
-BUILDER_VERSION = 6
+BUILDER_VERSION = 7
 
 _LOCAL = ("asym", "cheek", "chin", "ears", "eyebrows", "eyes", "forehead", "head", "mouth", "neck")
 _LOCAL += ("nose",)
@@ -196,7 +196,8 @@ class _Builder:
             landmark_points=landmarks,
             vertex_region=region,
         )
-        return replace(model, neutral=seal_lips(model, model.neutral)), axes, weights
+        sealed = seal_lips(model.landmarks(model.neutral), model.neutral)
+        return replace(model, neutral=sealed), axes, weights
 
     def _refine(self, base: np.ndarray, displacement: np.ndarray | None = None) -> np.ndarray:
         """Model vertices of base mesh positions, or of a displacement of them."""
@@ -224,7 +225,7 @@ class _Builder:
         return (1 - _OLD) * people["young"] + _OLD * people["old"]
 
     def _expressions(self, base: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
-        """The face units that move the face; the tongue's own does not, and no landmark tells it.
+        """The face units, ARKit's 52. No landmark tells of the tongue's own.
 
         Lower teeth and tongue follow the jaw's units. The eyeballs stay where they are, a ball
         being a ball turned.
@@ -233,8 +234,7 @@ class _Builder:
         units = np.stack([self._refine(base, self.source.target(UNITS + n)) for n in names])
         skin = len(self.uv_of_vertex)
         units[:, skin : units.shape[1] - len(self.mouth)] = 0
-        moving = np.abs(units[:, :skin]).max(axis=(1, 2)) > 0
-        return units[moving], tuple(np.array(names)[moving].tolist())
+        return units, tuple(names)
 
     def _blinks_that_close(
         self,

@@ -25,7 +25,7 @@ def test_size_and_names(head):
     assert 15_000 < len(head.neutral) < 20_000
     assert (head.landmark_points.triangle >= 0).all()
     assert set(BLENDSHAPE_NAMES[1:]) <= set(head.expression_names)
-    assert len(head.expression_names) == 51
+    assert len(head.expression_names) == 52
     assert "CC0" in head.licence
     assert (head.uv >= 0).all() and (head.uv <= 1).all()
 
