@@ -13,8 +13,8 @@ to the specular albedo, as far as the light leaves a highlight there:
     rho_d' = a - h,      rho_s' = rho_s + h E / S
 
 so that the rendered image stays as it is. Pale and dark spots of pigment are kept: freckles are
-darker, and what is pale but no brighter, or where nothing is mirrored, is none. So is what is seen
-at a grazing angle, where S changes more than the mesh is sure of.
+darker, and what is pale but no brighter, or where no more is mirrored than all over the face, is
+none. So is what is seen at a grazing angle, where S changes more than the mesh is sure of.
 """
 
 from __future__ import annotations
@@ -40,8 +40,9 @@ _DOUBT = 0.08
 _REWEIGHTED = 6
 #: How much the part as a whole says where little of it is near.
 _FAR = 0.02
-#: S over E at which half of what looks like a highlight is one.
-_MIRRORED = 0.01
+#: S over E, of its median over the part, at which half of what looks like a highlight is one: where
+#: a soft light is mirrored alike all over the face, none can be told from pale skin.
+_MIRRORED = 2.0
 #: Of the albedo's weakest channel, what is left at least.
 _BODY = 0.1
 _LEAST = 1e-3
@@ -68,8 +69,10 @@ def with_highlights(
         told = inside & (albedo.min(axis=1) > _LEAST) & (problem.weight.numpy() > 0)
         weight = told * np.clip(level / _LIT, 0, 1) ** 2
         if weight.any():
-            found += told * _highlight(problem, albedo, weight, settings)
-    found = found * pixel_frames(problem).trust * mirrored / (mirrored + _MIRRORED)
+            usual = _MIRRORED * np.median(mirrored[told & (level > _LIT)])
+            share = 1 / (1 + (usual / np.maximum(mirrored, _LEAST)) ** 2)
+            found += told * share * _highlight(problem, albedo, weight, settings)
+    found = found * pixel_frames(problem).trust
     # The bound is soft, so that the map keeps its shape where the light leaves little room.
     most = np.maximum(settings.highlight_most * mirrored, 1e-9)
     found = most * -np.expm1(-found / most)
