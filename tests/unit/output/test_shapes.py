@@ -7,6 +7,7 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -274,7 +275,7 @@ def test_blender_moves_it_and_renders_the_same_skin(head, tmp_path):
     )
     # Of the mask what is skin with its neighbours: eyes have corneas there, rims half a pixel.
     measured = (r.face.mask > 0) & (r.photo.regions.eyes < 0.5)
-    skin = np.asarray(ndimage.binary_erosion(measured, iterations=2))
+    skin: Any = ndimage.binary_erosion(measured, iterations=2)
     error = (encode_srgb(np.clip(ours, 0, 1)) - encode_srgb(np.clip(theirs, 0, 1)))[skin]
     print(-10 * np.log10((error**2).mean()), ours[skin].mean() / theirs[skin].mean())
     assert -10 * np.log10((error**2).mean()) > 30
