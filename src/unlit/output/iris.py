@@ -182,7 +182,8 @@ def _nearest(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (K, C) of `values` (M, C) at the `sources` nearest to `places` (K, D); its weight."""
     count = min(_NEIGHBOURS, len(sources))
-    distance, number = KDTree(sources).query(places, k=[*range(1, count + 1)])
+    distance, number = KDTree(sources).query(places, k=count)
+    distance, number = (np.reshape(found, (len(places), count)) for found in (distance, number))
     weight = 1 / (0.02 + distance)
     total = weight.sum(axis=1)
     mean = (weight[..., None] * values[number]).sum(axis=1) / total[:, None]

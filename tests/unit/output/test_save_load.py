@@ -95,7 +95,7 @@ def test_what_moves_the_head(face, tmp_path):
     )
     save(changed(face, {"head.motion": motion}), tmp_path / "a")
     again = load(tmp_path / "a").head.motion
-    assert again.names == motion.names
+    assert again is not None and again.names == motion.names
     for name in ("unit", "vertex", "displacement", "expression", "rotation", "translation"):
         assert_same(getattr(again, name), getattr(motion, name))
     assert load_without(tmp_path / "a", "eyeBlinkLeft").startswith("head.units has 1 names")

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from moving_head import GAZE, IRIS, moving_head
 from small_head import small_head
 from unlit.color import encode_srgb
 from unlit.errors import OutputError, SettingsError
+from unlit.face.head import Motion
 from unlit.face.reconstruction import Reconstruction
 from unlit.head.contact import pieces
 from unlit.head.model import VERTEX_REGIONS, HeadModel
@@ -37,6 +39,11 @@ FINER = 5
 ARKIT = {*BLENDSHAPE_NAMES[1:], "tongueOut"}
 
 
+def motion_of(r: Reconstruction) -> Motion:
+    assert r.head.motion is not None
+    return r.head.motion
+
+
 @pytest.fixture(scope="module")
 def r(head: HeadModel) -> Reconstruction:
     """A head that squints a little and has its mouth open."""
@@ -52,11 +59,11 @@ def eyes(r: Reconstruction) -> tuple[Eye, ...]:
 def moved(r: Reconstruction, eyes: tuple[Eye, ...]) -> dict[str, np.ndarray]:
     """In the model's frame."""
     found = shapes(looking(r, eyes), eyes)
-    return {name: delta @ r.head.motion.rotation for name, delta in found.items()}
+    return {name: delta @ motion_of(r).rotation for name, delta in found.items()}
 
 
 def local(r: Reconstruction) -> np.ndarray:
-    motion = r.head.motion
+    motion = motion_of(r)
     return (r.face.mesh.vertices - motion.translation) @ motion.rotation
 
 
@@ -98,7 +105,7 @@ def test_a_blink_shuts_this_persons_lids_in_front_of_the_eye(r, eyes, moved, sid
     opened = points[upper, 1] - points[lower, 1]
     assert opened.max() < 0.01 and opened.min() > -0.1
     eye = eyes[side == "Left"]
-    centre = (eye.centre - r.head.motion.translation) @ r.head.motion.rotation
+    centre = (eye.centre - motion_of(r).translation) @ motion_of(r).rotation
     lids = ~eye.vertices & (np.linalg.norm(delta, axis=1) > 0.05)
     outside = np.linalg.norm(start[lids] - centre, axis=1) > eye.radius
     for way in (0.25, 0.5, 0.75, 1.0):
@@ -143,7 +150,7 @@ def test_eyes_are_found_in_the_photo(head):
     """Where they look to 5 degrees, and its iris to a tenth, whose radius is 6 pixels."""
     r = moving_head(head, {}, 256)
     for eye in eyes_of(r):
-        cosine = eye.axis @ r.head.motion.rotation @ GAZE
+        cosine = eye.axis @ motion_of(r).rotation @ GAZE
         assert np.degrees(np.arccos(cosine)) < 5
         assert eye.rim == pytest.approx(IRIS, rel=0.1)
     assert [eye.left for eye in eyes_of(r)] == [False, True]
@@ -267,7 +274,8 @@ def test_blender_moves_it_and_renders_the_same_skin(head, tmp_path):
         bounces=3,
     )
     # Of the mask what is skin with its neighbours: eyes have corneas there, rims half a pixel.
-    skin = ndimage.binary_erosion((r.face.mask > 0) & (r.photo.regions.eyes < 0.5), iterations=2)
+    measured = (r.face.mask > 0) & (r.photo.regions.eyes < 0.5)
+    skin: Any = ndimage.binary_erosion(measured, iterations=2)
     error = (encode_srgb(np.clip(ours, 0, 1)) - encode_srgb(np.clip(theirs, 0, 1)))[skin]
     print(-10 * np.log10((error**2).mean()), ours[skin].mean() / theirs[skin].mean())
     assert -10 * np.log10((error**2).mean()) > 30
