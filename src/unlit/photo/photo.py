@@ -171,7 +171,8 @@ def _upright_photo(decoded: Decoded, source: str) -> Photo:
     pixels = _upright(pixels, decoded.orientation)
     focal = focal_from_exif(decoded.exif, pixels.shape[1], pixels.shape[0])
     profile = decoded.icc if colours == _BY_PROFILE else None
-    tags = FileTags(profile, decoded.exif.tobytes(), decoded.white > 0xFF)
+    exif = decoded.exif.tobytes() if len(decoded.exif) else b""
+    tags = FileTags(profile, exif, decoded.white > 0xFF)
     luminance = white_luminance_from_exif(decoded.exif)
     return Photo(pixels, alpha, focal, source, colours, luminance, tags)
 

@@ -100,8 +100,8 @@ class Body:
 
     lattice: of the person's pixels, P of them. vertices: (2P, 3) float32, world frame, cm, the P
     seen ones first, then those of the back; triangles: (F, 3), counter-clockwise from outside.
-    close: (P,) in [0, 1], how far the surface is the head's own. pixels_per_cm: of the canvas, at
-    the head.
+    close, hair: (P,) in [0, 1], how far the surface is the head's own, and how far it is hair.
+    pixels_per_cm: of the canvas, at the head.
     """
 
     canvas: Crop
@@ -110,6 +110,7 @@ class Body:
     vertices: np.ndarray
     triangles: np.ndarray
     close: np.ndarray
+    hair: np.ndarray
     pixels_per_cm: float
 
 
@@ -143,6 +144,7 @@ def inflated(reconstruction: Reconstruction, person: Person) -> Body | None:
     back = np.maximum(base + height + offset, front)
     place = np.stack([lattice.columns + 0.5, lattice.rows + 0.5], axis=1)
     vertices = np.concatenate([camera.unproject(place, front), camera.unproject(place, back)])
+    hair = resampled(person.hair, person.square, canvas)[inside]
     return Body(
         canvas,
         camera,
@@ -150,6 +152,7 @@ def inflated(reconstruction: Reconstruction, person: Person) -> Body | None:
         vertices.astype(np.float32),
         _triangles(lattice),
         close,
+        hair,
         float(scale),
     )
 

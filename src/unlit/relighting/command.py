@@ -135,7 +135,7 @@ def relight(
     """
     frames, samples = request.plan(path)
     if path is None and request.passes is None:
-        raise SettingsError("nothing to write: give a file, or passes")
+        raise SettingsError("nothing to write: give a file, or passes", "output")
     suffix = ".exr" if path is None else path.suffix.lower()
     if suffix == ".mp4":
         need_encoder()

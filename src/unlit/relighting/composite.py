@@ -30,7 +30,7 @@ from .quotient import BodyUnderLight, Quotient, SkinMatch
 _SAME = 0.05
 #: Width of the fade from the model to the quotient at the rim of the face, over the square root of
 #: the face's area.
-_FADE = 0.05
+_FADE = 0.08
 #: cm: what is brighter than the mean over so far is a highlight of hair; how much of it goes with
 #: the light that made it.
 _STRAND, _DAMPING = 1.2, 0.7
@@ -141,8 +141,8 @@ class Portrait:
             changed = self._damped(quotient.kept) * np.exp(factor)
             # What of a soft border's pixel is the person's changes, the rest stays.
             soft, before = self._soft[..., None], photo[part]
-            own = np.minimum(self._seen, np.maximum(before, 0) / np.maximum(soft, 1e-6))
-            change = changed * (own / np.maximum(self._seen, 1e-9)) - own
+            own = np.minimum(self._sure, np.maximum(before, 0) / np.maximum(soft, 1e-6))
+            change = own * (changed / np.maximum(self._seen, 1e-6) - 1)
             image[part] = np.where(soft > 0, before + soft * change, before)
             person[part] = changed
         # Beyond the mask the relit face is black, which resampling must not draw in at its rim.
@@ -254,6 +254,20 @@ class Portrait:
         return np.where(share == 1, picture, np.maximum(own, 0)).astype(np.float32)
 
     @cached_property
+    def _sure(self) -> np.ndarray:
+        """(h, w, 3): the person's colour in the photo, near an outline that of what lies inwards.
+
+        An outline that is drawn a little too far out must not brighten or darken what is behind.
+        """
+        picture, soft = self.photo.pixels[self._window], self._soft
+        deep = (self.person.alpha[self._window] * soft**4).astype(np.float32)
+        size = (2 * round(_BORDER * self._pixels_per_cm) + 1,) * 2
+        amount = np.maximum(cv2.blur(deep, size), 1e-4)[..., None]
+        inwards = cv2.blur(picture * deep[..., None], size) / amount
+        own = np.clip((soft - 0.75) / 0.2, 0, 1)[..., None]
+        return np.maximum(inwards + own * (picture - inwards), 0)
+
+    @cached_property
     def _own(self) -> np.ndarray:
         """(h, w, 3): the same without a shadow on the skin."""
         if self.face.conditions.shadow is None:
@@ -277,7 +291,10 @@ class Portrait:
         amount = np.maximum(_twice(cv2.blur, hair, size), 1e-3)
         level = _twice(cv2.blur, bright * hair, size) / amount
         above = np.maximum(bright / np.maximum(level, 1e-4), 1)
-        return self._own * (above ** (-_DAMPING * lost * hair))[..., None]
+        left = above ** (-_DAMPING * lost)
+        # The mean stays: the new light makes highlights elsewhere.
+        made_up = level / np.maximum(_twice(cv2.blur, bright * left * hair, size) / amount, 1e-4)
+        return self._own * (1 + hair * (left * made_up - 1))[..., None]
 
 
 def _twice(

@@ -175,6 +175,8 @@ def _cut_out(encoded: np.ndarray, share: np.ndarray, inside: np.ndarray) -> np.n
 def _whole(person: np.ndarray) -> np.ndarray:
     """(h, w) bool: the largest piece of `person`, without small holes."""
     _, parts, table, _ = cv2.connectedComponentsWithStats(person.astype(np.uint8))
+    if len(table) < 2:
+        return person
     largest = 1 + int(np.argmax(table[1:, cv2.CC_STAT_AREA]))
     person = parts == largest
     holes = ~person & np.asarray(ndimage.binary_fill_holes(person))

@@ -33,9 +33,9 @@ mi = mitsuba()
 _EVERYWHERE = 0.08
 #: cm over which both shadings are blurred: creases of a coarse surface are no creases of hair.
 _CREASE = 0.7
-#: How far the normals of what is no smooth surface lean towards the camera: a head of hair has
-#: strands that face the light, and the viewer, at its outline, too.
-_LEAN = 0.5
+#: How far the normals of hair, and of all else that is not the head itself, lean towards the
+#: camera: hair has strands that face the viewer at its outline, too.
+_LEAN_OF_HAIR, _LEAN = 0.5, 0.1
 #: Sharpness of the lobe by which hair's highlights blur the light.
 _GLOSS = 6.0
 #: Least and greatest quotient: beyond, there is nothing in the photo to multiply.
@@ -88,7 +88,8 @@ class BodyUnderLight:
         outwards = mesh.normals.numpy().T[:count]
         position = body.vertices[:count]
         viewer = -position / np.linalg.norm(position, axis=1, keepdims=True)
-        leaning = outwards + (_LEAN * (1 - body.close))[:, None] * viewer
+        lean = (_LEAN + (_LEAN_OF_HAIR - _LEAN) * body.hair) * (1 - body.close)
+        leaning = outwards + lean[:, None] * viewer
         leaning /= np.maximum(np.linalg.norm(leaning, axis=1, keepdims=True), 1e-6)
         normal = device(mi.Vector3f, leaning)
         position = device(mi.Point3f, position + _OFFSET * outwards)

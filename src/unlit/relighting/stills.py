@@ -89,8 +89,6 @@ class StillEncoder:
             return b""
         exif = Image.Exif()
         exif.load(self.tags.exif)
-        if not len(exif):
-            return b""
         exif[ExifTags.Base.Orientation] = 1
         if self._icc is None:
             exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.ColorSpace] = _SRGB
