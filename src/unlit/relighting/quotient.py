@@ -44,7 +44,7 @@ RANGE = (1 / 64, 12.0)
 _OFFSET, _BLUR = 0.2, 0.35
 #: cm: how far beyond the skin its difference from the body's quotient reaches, in brightness and in
 #: colour: that is the model's error more often than the light's.
-_FALLS = (3.5, 0.6)
+_FALLS = (1.2, 0.5)
 #: Least and greatest natural logarithm of that difference in brightness, and in colour.
 _DIFFERENCE, _COLOUR = (-4.0, 1.0), 0.5
 _KNOWN = 10.0  # weight of the skin's quotient against the smoothness of the difference
