@@ -94,10 +94,10 @@ def find_person(photo: Photo, crop: Crop, landmarks: np.ndarray) -> Person:
     reach = 2 * np.abs(np.concatenate([middle, (width, height) - middle])).max()
     side = float(np.clip(reach / (crop.resolution / crop.scale), 1.0, _REACH))
     whole = around(crop, side, _PIXELS)
-    shares = _shares(photo, crop, points, whole)
+    shares, asked = _shares(photo, crop, points, whole)
     encoded = np.clip(encode_srgb(whole.image(photo.pixels)), 0, 1)
     inside = whole.inside(width, height)
-    found = _cut_out(encoded, 1 - shares[..., 0], inside)
+    found = _cut_out(encoded, 1 - shares[..., 0], inside, asked)
     radius = max(_RADIUS * _PIXELS / side, 1.0)
     alpha = _at_full_size(_guided(encoded, found, radius), whole, photo)
     low, high = _LEVELS
@@ -112,8 +112,12 @@ def find_person(photo: Photo, crop: Crop, landmarks: np.ndarray) -> Person:
     return Person(alpha.astype(np.float32), whole, side, share(_HAIR), share(_CLOSE))
 
 
-def _shares(photo: Photo, crop: Crop, points: np.ndarray, whole: Crop) -> np.ndarray:
-    """(N, N, 13): shares of CLASSES at the pixels of `whole`; background where nothing was asked.
+def _shares(
+    photo: Photo, crop: Crop, points: np.ndarray, whole: Crop
+) -> tuple[np.ndarray, np.ndarray]:
+    """(N, N, 13): shares of CLASSES at the pixels of `whole`, the nearest where nothing was asked.
+
+    And (N, N) bool, where the widest square or more was asked.
 
     points: the landmarks (478, 2), pixels of the photo.
     """
@@ -134,7 +138,12 @@ def _shares(photo: Photo, crop: Crop, points: np.ndarray, whole: Crop) -> np.nda
     # What lies beyond the photo looks like background to the parser, and its neighbours do, too.
     margin = _EDGE * crop.resolution * whole.scale / crop.scale
     corners = whole.points(np.array([[0, 0], [width, height]]))
-    return fill(total, _within(corners, margin, whole.resolution))
+    known = _within(corners, margin, whole.resolution)
+    widest = around(crop, _VIEWS[0][0], SIZE)
+    corners = whole.points(widest.inverse_points(np.array([[0, 0], [SIZE, SIZE]])))
+    # Its rim has faded to the background that the sum began with.
+    asked = _within(corners, 1.3 * _FADE * _VIEWS[0][0] / _EDGE * margin, whole.resolution)
+    return fill(total, known & asked), asked
 
 
 def _within(corners: np.ndarray, margin: float, size: int) -> np.ndarray:
@@ -146,7 +155,9 @@ def _within(corners: np.ndarray, margin: float, size: int) -> np.ndarray:
     return down[:, None] & across
 
 
-def _cut_out(encoded: np.ndarray, share: np.ndarray, inside: np.ndarray) -> np.ndarray:
+def _cut_out(
+    encoded: np.ndarray, share: np.ndarray, inside: np.ndarray, asked: np.ndarray
+) -> np.ndarray:
     """(N, N) float32, 1 on the person: what the parser's `share` (N, N) and the colours say.
 
     Beyond the photo, `inside` (N, N) bool, the nearest pixel's.
@@ -158,8 +169,8 @@ def _cut_out(encoded: np.ndarray, share: np.ndarray, inside: np.ndarray) -> np.n
     label = np.where(share > 0.5, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     label[share < low] = cv2.GC_BGD
     label[share > high] = cv2.GC_FGD
-    unasked = share == 0  # beyond the widest square
-    label[unasked] = cv2.GC_PR_BGD
+    beyond = ~asked[part]
+    label[beyond] = np.where(share > 0.5, cv2.GC_PR_FGD, cv2.GC_PR_BGD)[beyond]
     person = (label & 1) == 1
     if person.any() and not person.all():
         picture = np.round(255 * encoded[part][..., ::-1]).astype(np.uint8)
