@@ -49,13 +49,15 @@ class _Neck:
 
 
 def _neck(head: Head) -> _Neck:
-    """Find the neck's lower end: the edges of the mesh that have one triangle only."""
+    """Find the neck's lower end: the edges of its mesh that have one triangle only."""
     count = len(head.vertices)
     ends = head.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64)
     ends.sort(axis=1)
     code, uses = np.unique(ends[:, 0] * count + ends[:, 1], return_counts=True)
     single = code[uses == 1]
-    loop = head.vertices[np.unique([single // count, single % count])].astype(np.float64)
+    ends = np.unique([single // count, single % count])
+    ends = ends[head.within("neck")[ends]]  # teeth have rims of their own
+    loop = head.vertices[ends].astype(np.float64)
     middle = (loop.min(axis=0) + loop.max(axis=0)) / 2
     points = head.vertices[head.within("neck")].astype(np.float64)
     azimuth = np.linspace(0, 2 * np.pi, 144, endpoint=False)

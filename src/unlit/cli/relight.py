@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +21,15 @@ def add(commands: Any) -> None:
         "a result under another light, as a picture or a video",
         "Render the face in DIR, a folder that `unlit reconstruct` wrote, under another light: "
         "path-traced, or with --fast in a second or two. The ending of FILE says what is made: "
-        ".png (sRGB), .exr (linear), or a video, .mp4 or .gif, in which the light turns once "
-        "round the head, or with --turntable the head turns. More: docs/relighting.md.",
+        ".png or .jpg (sRGB), .exr (linear), or a video, .mp4, .gif or numbered pictures such as "
+        "out_%04d.png, in which the light turns once round the head, or with --turntable the head "
+        "turns. With --over-photo the whole person is relit in the photo. More: "
+        "docs/relighting.md.",
         "  unlit relight portrait --light flash -o flash.png\n"
         "  unlit relight portrait --light sun:-60,30 --over-photo portrait.jpg -o sun.png\n"
+        "  unlit relight portrait --light side --over-photo portrait.jpg --background '#808080' "
+        "-o grey.jpg\n"
+        "  unlit relight portrait --light side --passes side.exr\n"
         "  unlit relight portrait --light studio.hdr --rotate 90 --brightness 0.5 -o studio.exr\n"
         "  unlit relight portrait --light sun:0,20 --fast -o sweep.mp4\n"
         "  unlit relight portrait --light photo --turntable --fast -o turn.gif",
@@ -79,14 +85,28 @@ def _add_picture(parser: argparse.ArgumentParser) -> None:
         *("-o", "--output"),
         type=user_path,
         metavar="FILE",
-        required=True,
-        help=".png, .exr, .mp4 or .gif",
+        help=".png, .jpg, .exr, .mp4, .gif, or numbered pictures, out_%%04d.png",
     )
     parser.add_argument(
         "--over-photo",
         type=lambda text: Path(user_path(text)),
         metavar="PHOTO",
-        help="put the relit face into the photo that the result was made from, at full size",
+        help="relight the whole person in the photo that the result was made from, at full size: "
+        "skin by the model, hair and clothes by new over old shading",
+    )
+    parser.add_argument(
+        "--background",
+        type=user_path,
+        metavar="WHAT",
+        help="with --over-photo, behind the person: photo (as it is), light (the new light as the "
+        "camera sees it), a colour ('#808080', navy), or a picture file, scaled to fill",
+    )
+    parser.add_argument(
+        "--passes",
+        type=lambda text: Path(user_path(text)),
+        metavar="FILE",
+        help="write an .exr of layers for compositing (diffuse, specular, visibility, normal, "
+        "depth ...), with --over-photo in the photo's frame; -o may then be left out",
     )
     parser.add_argument(
         "--fast", action="store_true", help="deterministic transport renderer instead of paths"
@@ -107,9 +127,11 @@ def run(options: argparse.Namespace) -> int:
     from ..relighting.command import RelightRequest, relight
 
     asked = {name: getattr(options, name) for name in RelightRequest.__dataclass_fields__}
+    path = None if options.output is None else Path(options.output)
     with StepConsole() as progress:
-        path = relight(
-            Path(options.folder), Path(options.output), RelightRequest(**asked), progress
-        )
-    answer(options, path, file=path)
+        written = relight(Path(options.folder), path, RelightRequest(**asked), progress)
+    for warning in written.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    names = "\n".join(map(str, written.paths))
+    answer(options, names, files=written.paths, warnings=written.warnings)
     return 0

@@ -19,7 +19,7 @@ Values outside a preview's range are clipped. The frames are those of scene/came
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from PIL import Image
@@ -83,6 +83,18 @@ def exr(image: np.ndarray) -> bytes:
     mi = mitsuba()
     stream = mi.MemoryStream()
     bitmap = mi.Bitmap(np.ascontiguousarray(image, dtype=np.float32))
+    with second_thread():
+        bitmap.write(stream, mi.Bitmap.FileFormat.OpenEXR)
+    return stream.raw_buffer()
+
+
+def layered_exr(channels: Mapping[str, np.ndarray]) -> bytes:
+    """An EXR file of named channels, (H, W) float32 each, such as "depth.Z": layer and channel."""
+    mi = mitsuba()
+    values = np.stack([np.asarray(c, dtype=np.float32) for c in channels.values()], axis=-1)
+    kind = mi.Bitmap.PixelFormat.MultiChannel
+    bitmap = mi.Bitmap(np.ascontiguousarray(values), kind, list(channels))
+    stream = mi.MemoryStream()
     with second_thread():
         bitmap.write(stream, mi.Bitmap.FileFormat.OpenEXR)
     return stream.raw_buffer()

@@ -49,8 +49,22 @@ CALIBRATION = 10 / (0.65 * 0.1812)
 # In diagonals of the photo: equivalents of 9 to 300 mm. Others are wrong entries, such as those of
 # a picture that was reduced with its sensor resolution left as it was.
 _FOCAL_RANGE = (0.2, 7.0)
+_BY_PROFILE = "ICC profile"
 # Rows converted at a time, so that temporaries stay small beside the photo.
 _ROWS = 256
+
+
+@dataclass(frozen=True)
+class FileTags:
+    """What a picture made from a photo's file should carry on.
+
+    icc: the profile that its colours were read by, if it is made of curves and a matrix. exif: its
+    EXIF block as it stood, b"" if none. deep: whether it has more than 8 bits a channel.
+    """
+
+    icc: bytes | None
+    exif: bytes
+    deep: bool
 
 
 @dataclass(frozen=True)
@@ -67,6 +81,7 @@ class Photo:
     source: the file's name, for messages.
     colours: how the colours were found, for the log: by the ICC profile, by what the file says
         instead, or as sRGB.
+    tags: of the file; None for an array.
 
     >>> unlit.Photo.of(np.full((64, 64, 3), 255, np.uint8)).pixels.max()
     np.float32(1.0)
@@ -78,6 +93,7 @@ class Photo:
     source: str
     colours: str = "sRGB (no profile)"
     white_luminance: float | None = None
+    tags: FileTags | None = None
 
     @staticmethod
     def of(pixels: np.ndarray, source: str = "array") -> Photo:
@@ -154,7 +170,11 @@ def _upright_photo(decoded: Decoded, source: str) -> Photo:
     pixels, colours = _linear(decoded)
     pixels = _upright(pixels, decoded.orientation)
     focal = focal_from_exif(decoded.exif, pixels.shape[1], pixels.shape[0])
-    return Photo(pixels, alpha, focal, source, colours, white_luminance_from_exif(decoded.exif))
+    profile = decoded.icc if colours == _BY_PROFILE else None
+    exif = decoded.exif.tobytes() if len(decoded.exif) else b""
+    tags = FileTags(profile, exif, decoded.white > 0xFF)
+    luminance = white_luminance_from_exif(decoded.exif)
+    return Photo(pixels, alpha, focal, source, colours, luminance, tags)
 
 
 def _read_bytes(path: Path) -> bytes:
@@ -190,7 +210,7 @@ def _linear(decoded: Decoded) -> tuple[np.ndarray, str]:
         try:
             profile = matrix_profile(decoded.icc, levels)
             if pixels.shape[2] in (1, 3) and len(profile.curves) in (3, pixels.shape[2]):
-                return _apply(profile, pixels), "ICC profile"
+                return _apply(profile, pixels), _BY_PROFILE
         except ProfileError:
             converted = _through_tables(pixels, decoded)
             if converted is not None:

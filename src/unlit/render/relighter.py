@@ -7,6 +7,7 @@ prepared for (`Relighter.under`): a light that turns about the vertical axis cos
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -23,6 +24,7 @@ from ..scene.mesh import CameraHits, Mesh, surface
 from .interreflection import IndirectLight, Interreflection
 from .reference import path_trace
 from .transport import Quadrature, ShadingPoints, shade, visibility
+from .visibility import words as words_of
 
 mi = mitsuba()
 
@@ -122,6 +124,12 @@ class FaceUnderLight:
 
     def image(self, frame: int) -> np.ndarray:
         """(S, S, 3) linear sRGB; 0 outside the mask."""
+        shading = self.shading(frame)
+        e, s = (sum(parts) for parts in (shading.diffuse, shading.specular))
+        return image_from_shading(self.face.maps, self.face.pixel, np.asarray(e), np.asarray(s))
+
+    def shading(self, frame: int) -> FaceShading:
+        """What the image is made of, of the P pixels of the mask."""
         face, radiance = self.face, self.radiance[frame]
         count = len(face.pixel)
         # Words of 32 visibility bits in which this frame has light.
@@ -129,7 +137,7 @@ class FaceUnderLight:
         words = np.unique(np.flatnonzero(lit) >> 5)
         if not words.size:
             nothing = np.zeros((count, 1), dtype=np.float32)
-            return image_from_shading(face.maps, face.pixel, nothing, nothing)
+            return FaceShading((nothing, nothing), (nothing, nothing))
         index = (words[:, None] * 32 + np.arange(32)).ravel()
         index = index[index < len(radiance)]
         quadrature, radiance = Quadrature(self.cells.select(index)), radiance[index]
@@ -139,9 +147,28 @@ class FaceUnderLight:
             bits = _words(bits, words, len(face.interreflection.emitting))
         under = IndirectLight(face.interreflection, quadrature, bits)
         indirect_e, indirect_s = under.shade(radiance, face.maps)
-        total_e = e.numpy().T.reshape(count, -1) + indirect_e
-        total_s = s.numpy().T.reshape(count, -1) + indirect_s
-        return image_from_shading(face.maps, face.pixel, total_e, total_s)
+        e, s = (x.numpy().T.reshape(count, -1) for x in (e, s))
+        return FaceShading((e, indirect_e), (s, indirect_s))
+
+    def unshadowed(self, frame: int) -> np.ndarray:
+        """(P, 1) or (P, 3): direct diffuse shading if nothing were in the light's way."""
+        points, cells = self.face.points, self.cells
+        if not len(cells):
+            return np.zeros((len(points), 1), dtype=np.float32)
+        every = dr.full(mi.UInt32, 0xFFFFFFFF, len(points) * words_of(len(cells)))
+        e, _ = shade(points, Quadrature(cells), every, self.radiance[frame])
+        return e.numpy().T.reshape(len(points), -1)
+
+
+@dataclass(frozen=True)
+class FaceShading:
+    """Shading of P pixels, (P, 1) or (P, 3) each: E and S (render/transport.py).
+
+    diffuse, specular: the direct part, and what arrives by way of the face itself.
+    """
+
+    diffuse: tuple[np.ndarray, np.ndarray]
+    specular: tuple[np.ndarray, np.ndarray]
 
 
 def _words(bits: Any, words: np.ndarray, points: int) -> Any:

@@ -17,7 +17,7 @@ import signal
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Collection, Generator, Mapping
+from collections.abc import Callable, Collection, Generator, Iterable, Mapping
 from pathlib import Path
 
 from ..errors import OutputError
@@ -123,6 +123,21 @@ def write_one(path: Path, content: bytes) -> None:
         staged = Path(name) / path.name
         staged.write_bytes(content)
         staged.replace(path)
+
+
+def write_several(folder: Path, contents: Iterable[tuple[str, bytes]]) -> None:
+    """Write files of given names into `folder`: all of them, in one step, or none.
+
+    contents: taken one after the other. Files of those names are replaced. Raises OutputError.
+    """
+    with _explained(folder), _staging(folder) as name:
+        names = []
+        for file, content in contents:
+            (Path(name) / file).write_bytes(content)
+            names.append(file)
+        with _signals_wait():
+            for file in names:
+                (Path(name) / file).replace(folder / file)
 
 
 def _staging(folder: Path) -> tempfile.TemporaryDirectory[str]:

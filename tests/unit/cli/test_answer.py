@@ -24,12 +24,12 @@ def answered(capsys, *arguments: str) -> tuple[int, dict, str]:
     return code, json.loads(said.out), said.err
 
 
-def test_relight_names_its_file(result, tmp_path, capsys):
+def test_relight_names_its_files(result, tmp_path, capsys):
     path = tmp_path / "flash.png"
     code, said, error = answered(
         *(capsys, "relight", str(result), "--light", "flash", "--fast", "-o", str(path))
     )
-    assert (code, said["command"], said["file"]) == (0, "relight", str(path))
+    assert (code, said["command"], said["files"]) == (0, "relight", [str(path)])
     assert said["seconds"] > 0 and path.exists()
     assert "preparing" in error
 

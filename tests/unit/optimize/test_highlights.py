@@ -36,13 +36,17 @@ def spots() -> np.ndarray:
 
 
 def taken(
-    problem: Problem, change: np.ndarray, mirrored: float = MIRRORED
+    problem: Problem, change: np.ndarray, mirrored: float = MIRRORED, elsewhere: float = 0.1
 ) -> tuple[np.ndarray, ...]:
-    """What diffuse and specular albedo become, and were, on spots of skin changed by (3,)."""
+    """What diffuse and specular albedo become, and were, on spots of skin changed by (3,).
+
+    elsewhere: S beside the spots, of that on them, `mirrored`.
+    """
     at = spots().ravel()[problem.pixel]
     albedo = np.where(at[:, None], SKIN + change, SKIN).astype(np.float32)
     gloss, e = np.full(len(problem), GLOSS, np.float32), np.ones((len(problem), 3), np.float32)
-    made = with_highlights(problem, albedo, gloss, e, mirrored * e, SETTINGS)
+    s = mirrored * np.where(at[:, None], e, elsewhere * e)
+    made = with_highlights(problem, albedo, gloss, e, s, SETTINGS)
     return made[0][at], made[1][at], albedo[at], gloss[at]
 
 
@@ -52,6 +56,14 @@ def test_a_highlight_goes_to_the_specular_albedo(problem: Problem) -> None:
     assert (specular > gloss + 0.5).all()
     # The image stays: what rho_d loses, rho_s S has.
     assert np.allclose(before - diffuse, (specular - gloss)[:, None] * MIRRORED, atol=1e-6)
+
+
+def test_in_soft_light_pale_skin_is_no_highlight(problem: Problem) -> None:
+    """Where S is alike all over the face, most of it stays."""
+    soft = taken(problem, np.full(3, HIGHLIGHT), elsewhere=1.0)
+    hard = taken(problem, np.full(3, HIGHLIGHT))
+    soft_taken, hard_taken = (before - diffuse for diffuse, _, before, _ in (soft, hard))
+    assert (soft_taken < 0.3 * hard_taken).all()
 
 
 def test_pigments_stay_in_the_diffuse_albedo(problem: Problem) -> None:

@@ -19,6 +19,8 @@ from unlit import cli
 from unlit.color import encode_srgb
 from unlit.output.images import exr
 from unlit.photo.photo import read_photo
+from unlit.relighting import composite
+from unlit.relighting.person import Person
 from unlit.storage.pictures import read_picture
 
 
@@ -63,25 +65,40 @@ def test_brightness_and_files(saved: Saved, tmp_path: Path) -> None:
     assert 0.05 < found["a.exr"][saved.face.face.mask > 0.5].mean() < 1
 
 
+def _places(saved: Saved, photo: np.ndarray) -> np.ndarray:
+    """Where each pixel of the photo lies in the crop, by the crop's definition."""
+    ys, xs = np.mgrid[: photo.shape[0], : photo.shape[1]] + 0.5
+    (scale, _, x0), (_, _, y0) = saved.face.photo.crop.matrix
+    return np.array([ys * scale + y0 - 0.5, xs * scale + x0 - 0.5])
+
+
 @pytest.mark.parametrize("ending", ["png", "exr"])
-def test_over_photo(saved: Saved, tmp_path: Path, ending: str) -> None:
-    """Outside the mask the photo to the bit, inside its fading rim the relit face in place."""
+def test_over_photo(
+    saved: Saved, tmp_path: Path, ending: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside the person the photo to the bit; past the fading rim the relit face in place."""
+    photo = read_photo(saved.photo).pixels
+    place = _places(saved, photo)
+    middle = saved.face.face.camera.width / 2
+    alpha = (np.hypot(place[0] - middle, place[1] - middle) < 0.6 * SIZE).astype(np.float32)
+    square = saved.face.photo.crop
+    shares = np.zeros((SIZE, SIZE), np.float32)
+    person = Person(alpha, square, 2.0, shares, shares)
+    monkeypatch.setattr(composite, "find_person", lambda *_: person)
     plain, over = tmp_path / "plain.exr", tmp_path / f"over.{ending}"
     order = (saved.result, "--light", "side", "--fast")
     assert run(*order, "-o", plain) == 0
     assert run(*order, "--over-photo", saved.photo, "-o", over) == 0
-    photo = read_photo(saved.photo).pixels
     original = np.asarray(Image.open(saved.photo)) if ending == "png" else photo
     picture = np.asarray(Image.open(over)) if ending == "png" else read_picture(over)
     assert picture.shape == original.shape
-    # Where each photo pixel lies in the crop, by the crop's definition.
-    ys, xs = np.mgrid[: photo.shape[0], : photo.shape[1]] + 0.5
-    (scale, _, x0), (_, _, y0) = saved.face.photo.crop.matrix
-    place = np.array([ys * scale + y0 - 0.5, xs * scale + x0 - 0.5])
     reach = ndimage.maximum_filter(saved.face.face.mask, 3) > 0
     outside = ndimage.map_coordinates(reach, place, order=0, cval=False) == 0
-    assert 0.5 < outside.mean() < 0.95
+    outside &= ndimage.maximum_filter(alpha, 25) == 0
+    assert 0.2 < outside.mean() < 0.95
     np.testing.assert_array_equal(picture[outside], original[outside])
+    beside = (alpha > 0) & (ndimage.map_coordinates(reach, place, order=0, cval=False) == 0)
+    assert (picture[beside] != original[beside]).mean() > 0.8
     face = np.asarray(ndimage.binary_fill_holes(saved.face.face.mask > 0))
     deep = ndimage.distance_transform_edt(face) > 0.11 * np.sqrt(face.sum()) + 2  # past the fade
     full = (ndimage.minimum_filter(saved.face.face.mask, 3) == 1) & deep
@@ -92,6 +109,36 @@ def test_over_photo(saved: Saved, tmp_path: Path, ending: str) -> None:
     if ending == "png":
         wanted = 255 * np.clip(encode_srgb(wanted), 0, 1)
     assert np.abs(picture[inside] - wanted).mean() < 0.02 * wanted.mean()
+
+
+def test_background_and_passes(saved: Saved, tmp_path: Path, capsys: Any) -> None:
+    """A colour behind the person, as JPEG; passes alone, and beside a picture."""
+    order = (saved.result, "--light", "side", "--fast", "--over-photo", saved.photo)
+    grey = tmp_path / "grey.jpg"
+    assert run(*order, "--background", "#00ff00", "-o", grey) == 0
+    picture = np.asarray(Image.open(grey)).astype(int)
+    assert picture.shape == np.asarray(Image.open(saved.photo)).shape
+    assert (np.abs(picture - (0, 255, 0)).max(axis=-1) < 30).mean() > 0.1
+    passes = tmp_path / "passes.exr"
+    assert run(saved.result, "--light", "side", "--passes", passes) == 0
+    assert passes.stat().st_size > 10_000
+    capsys.readouterr()
+    both = (*order, "--passes", tmp_path / "p.exr", "-o", tmp_path / "o.png")
+    assert run(*both) == 0
+    assert capsys.readouterr().out.split() == [str(both[-1]), str(both[-3])]
+
+
+def test_numbered_pictures(saved: Saved, tmp_path: Path) -> None:
+    """A sweep as pictures: names count from 1, and each is a frame of it."""
+    out = tmp_path / "out_%03d.png"
+    order = (saved.result, "--light", "sun:0,10", "--fast", "--frames", "4")
+    assert run(*order, "-o", out) == 0
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == [f"out_00{k}.png" for k in (1, 2, 3, 4)]
+    frames = [np.asarray(Image.open(tmp_path / name)).astype(float) for name in names]
+    sides = [(f[:, : SIZE // 2].mean(), f[:, SIZE // 2 :].mean()) for f in frames]
+    assert sides[1][1] > 2 * sides[1][0]
+    assert sides[3][0] > 2 * sides[3][1]
 
 
 def test_another_photo_is_refused(saved: Saved, tmp_path: Path, capsys: Any) -> None:
@@ -134,7 +181,18 @@ def test_video(saved: Saved, tmp_path: Path, motion: tuple) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "reason"),
     [
-        (("-o", "a.jpg"), 2, "give a .png, .exr, .mp4 or .gif file"),
+        (("-o", "a.tga"), 2, "give a .png, .jpg, .exr, .mp4 or .gif file"),
+        (("-o", "a_%04d.mp4"), 2, "give a .png, .jpg, .exr, .mp4 or .gif file"),
+        (("-o", "a_%d.png", "--fps", "9"), 2, "fps has no use with numbered pictures"),
+        (("-o", "a.png", "--background", "navy"), 2, "a background needs over_photo"),
+        (
+            ("-o", "a.png", "--over-photo", "p.png", "--background", "moon"),
+            2,
+            "moon: no such background",
+        ),
+        (("--passes", "a.png"), 2, "a.png: passes are an .exr file"),
+        (("-o", "a.gif", "--passes", "a.exr"), 2, "passes are of one light"),
+        ((), 2, "nothing to write: give a file, or passes"),
         (
             ("-o", "a.png", "--rotate", "sweep"),
             2,
