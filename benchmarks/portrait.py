@@ -167,7 +167,7 @@ def main() -> None:
     print("| head | old light | new light | PSNR, dB | band | inside | border |")
     print("|---|---|---|---|---|---|---|", flush=True)
     for name in (name for name in HEADS if options.only in name):
-        photo = cv2.imread(str(result(options.work, name)[0]))[..., ::-1]
+        photo = np.asarray(cv2.imread(str(result(options.work, name)[0])))[..., ::-1]
         row = [photo]
         for light in LIGHTS:
             image, shares = rendering(options.work, name, light)

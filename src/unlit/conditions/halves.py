@@ -40,7 +40,7 @@ class Halves:
         across, offset = mirror_plane(problem.observation.vertices, across)
         beside = position @ across - offset
         apart, twin = KDTree(position).query(position - 2 * beside[:, None] * across)
-        return Halves(twin, apart, beside, points.specular_normal.numpy().T)
+        return Halves(np.asarray(twin), np.asarray(apart), beside, points.specular_normal.numpy().T)
 
 
 def across(landmarks: np.ndarray) -> np.ndarray:

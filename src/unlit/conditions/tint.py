@@ -18,6 +18,7 @@ what f leaves is more likely pigment, as of painted faces.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -90,10 +91,10 @@ def _plain(problem: Problem) -> np.ndarray:
     seen = problem.observation
     features = ndimage.gaussian_filter(seen.regions[..., 1:].sum(axis=2), 2.0)
     plain = (seen.regions[..., 0] > 0.9) & (features < 0.05) & problem.fitted
-    plain = np.asarray(ndimage.binary_erosion(plain, iterations=2))
+    inner: Any = ndimage.binary_erosion(plain, iterations=2)
     saturated = ndimage.maximum_filter(seen.image.max(axis=2), 5) > _SATURATED
     dark = ndimage.gaussian_filter(seen.image.mean(axis=2), 1.5) < _DARK
-    return plain & ~saturated & ~dark & (seen.weight > 0.9)
+    return inner & ~saturated & ~dark & (seen.weight > 0.9)
 
 
 @dataclass(frozen=True)
@@ -126,8 +127,8 @@ class _Colours:
         logs = problem.rows(_smooth_log(image, plain, how.blur))
         value = problem.rows(_smooth_log(problem.observation.image, plain, how.blur)).mean(axis=1)
         colour = logs[:, [0, 2]] - logs[:, [1]]
-        ends = np.percentile(value[np.concatenate([one, other])], (2, 98))
-        basis = np.hstack([_hats(value, np.linspace(*ends, how.knots)), halves.normal])
+        low, high = np.percentile(value[np.concatenate([one, other])], (2, 98))
+        basis = np.hstack([_hats(value, np.linspace(low, high, how.knots)), halves.normal])
         factors, weights = _fit(basis[one] - basis[other], colour[one] - colour[other], how)
         return _Colours(colour, basis, factors, usable, twin, one, weights)
 

@@ -9,6 +9,7 @@ smoothest offset that is the head's where the head is seen and dies away from it
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import ndimage, sparse
@@ -124,7 +125,8 @@ def inflated(reconstruction: Reconstruction, person: Person) -> Body | None:
         return None
     mesh = reconstruction.face.mesh
     hit, head, facing = _head_depth(Mesh(mesh.vertices, mesh.triangles), camera)
-    rim = hit & ~np.asarray(ndimage.binary_erosion(hit))
+    inner: Any = ndimage.binary_erosion(hit)
+    rim = hit & ~inner
     base = float(np.median(head[rim])) if rim.any() else float(np.median(-mesh.vertices[:, 2]))
     scale = camera.focal / base
     height = _inflation(lattice) / scale

@@ -225,7 +225,8 @@ class Portrait:
         part = self._window
         alpha = self.person.alpha[part]
         hair = pasted(self.person.hair, self.person.square, self.photo)[part]
-        size = (2 * round(_WISPS * self._pixels_per_cm / 2) + 1,) * 2
+        side = 2 * round(_WISPS * self._pixels_per_cm / 2) + 1
+        size = side, side
         near = np.clip(2 * _twice(cv2.blur, hair, size), 0, 1)
         return alpha + near * (_twice(cv2.blur, alpha, size) - alpha)
 
@@ -287,7 +288,8 @@ class Portrait:
         hair = hair * self.person.alpha[self._window]
         lost = 1 - np.clip(self._at_full_size(kept)[self._window], 0, 1)
         bright = np.maximum(luminance(self._own), 1e-4)
-        size = (2 * round(_STRAND * self._pixels_per_cm) + 1,) * 2
+        side = 2 * round(_STRAND * self._pixels_per_cm) + 1
+        size = side, side
         amount = np.maximum(_twice(cv2.blur, hair, size), 1e-3)
         level = _twice(cv2.blur, bright * hair, size) / amount
         above = np.maximum(bright / np.maximum(level, 1e-4), 1)

@@ -131,7 +131,7 @@ def write_several(folder: Path, contents: Iterable[tuple[str, bytes]]) -> None:
     contents: taken one after the other. Files of those names are replaced. Raises OutputError.
     """
     with _explained(folder), _staging(folder) as name:
-        names = []
+        names: list[str] = []
         for file, content in contents:
             (Path(name) / file).write_bytes(content)
             names.append(file)

@@ -19,7 +19,9 @@ def test_colours() -> None:
     grey = colour_of("#808080")
     assert grey is not None
     np.testing.assert_allclose(grey, 0.2158605, rtol=1e-4)
-    np.testing.assert_allclose(colour_of("white"), 1)
+    white = colour_of("white")
+    assert white is not None
+    np.testing.assert_allclose(white, 1)
     assert colour_of("sunset.jpg") is None
     with pytest.raises(SettingsError, match="moonrock: no such background"):
         check_background("moonrock")
