@@ -29,6 +29,8 @@ _EDGE = 0.05  # of the crop's side: nearer to the photo's edge the parser is not
 _FADE = 0.06  # of a square's side, over which its word gives way to the wider one's
 #: Side of the square around the face that is looked at, of the crop's, and its pixels at most.
 _REACH, _PIXELS = 4.0, 448
+#: Where a person goes on beyond that square, over how much of it the new light ends.
+_ENDING = 0.2
 _SURE = (0.08, 0.92)  # shares below and above which the parser's word stands
 _ROUNDS = 3
 #: Radius of the guided filter, of the crop's side, and the variance of sRGB values that is no edge.
@@ -42,7 +44,7 @@ _CLOSE = ("skin", "lips", "eyes", "eyebrows", "mouth", "beard", "frame", "tinted
 class Person:
     """A person in a photo of H x W pixels, float32 in [0, 1].
 
-    alpha: (H, W), the share of each pixel that is the person. square: what was looked at, a square
+    alpha: (H, W), the share of each pixel that is the person, and is to be relit. square: what was looked at, a square
     `side` times as wide as the face's crop; hair, head: (N, N), how far its pixels are hair or
     beard, and how far they are the head itself or what lies closely on it.
     """
@@ -102,6 +104,7 @@ def find_person(photo: Photo, crop: Crop, landmarks: np.ndarray) -> Person:
     alpha = _at_full_size(_guided(encoded, found, radius), whole, photo)
     low, high = _LEVELS
     alpha = np.clip((alpha - low) / (high - low), 0, 1)
+    alpha = alpha * pasted(_ending(whole, width, height), whole, photo)
     if photo.alpha is not None:
         alpha = np.minimum(alpha, photo.alpha)
 
@@ -144,6 +147,21 @@ def _shares(
     # Its rim has faded to the background that the sum began with.
     asked = _within(corners, 1.3 * _FADE * _VIEWS[0][0] / _EDGE * margin, whole.resolution)
     return fill(total, known & asked), asked
+
+
+def _ending(whole: Crop, width: int, height: int) -> np.ndarray:
+    """(N, N) float32: 1, falling to 0 towards the rims of `whole` beyond which the photo goes on."""
+    place = np.arange(whole.resolution) + 0.5
+    (left, top), (right, bottom) = whole.points(np.array([[0, 0], [width, height]]))
+
+    def ramp(low: float, high: float) -> np.ndarray:
+        to_low = place if low < 0 else np.inf
+        to_high = whole.resolution - place if high > whole.resolution else np.inf
+        near = np.minimum(to_low, to_high) / (_ENDING * whole.resolution)
+        return np.clip(np.broadcast_to(near, place.shape), 0, 1)
+
+    share = ramp(top, bottom)[:, None] * ramp(left, right)
+    return (share * share * (3 - 2 * share)).astype(np.float32)
 
 
 def _within(corners: np.ndarray, margin: float, size: int) -> np.ndarray:

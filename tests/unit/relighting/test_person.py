@@ -80,3 +80,13 @@ def test_any_photo_is_taken(saved: Saved) -> None:
     np.testing.assert_array_equal(first.alpha, second.alpha)
     assert first.alpha.min() >= 0
     assert first.alpha.max() <= 1
+
+
+def test_where_the_photo_goes_on_the_new_light_ends_softly() -> None:
+    """Not at rims that are the photo's own."""
+    crop = Crop(np.array([[1.0, 0, 0], [0, 1.0, -50]]), 100)  # the photo's rows 50 to 150
+    share = person._ending(crop, 100, 400)
+    assert share.shape == (100, 100) and share.dtype == np.float32
+    assert (share[[0, -1]] < 0.01).all() and (share[40:60] == 1).all()
+    np.testing.assert_array_equal(share, share[:, :1].repeat(100, axis=1))
+    assert np.abs(np.diff(share, axis=0)).max() < 0.1
