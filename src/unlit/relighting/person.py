@@ -44,9 +44,9 @@ _CLOSE = ("skin", "lips", "eyes", "eyebrows", "mouth", "beard", "frame", "tinted
 class Person:
     """A person in a photo of H x W pixels, float32 in [0, 1].
 
-    alpha: (H, W), the share of each pixel that is the person, and is to be relit. square: what was looked at, a square
-    `side` times as wide as the face's crop; hair, head: (N, N), how far its pixels are hair or
-    beard, and how far they are the head itself or what lies closely on it.
+    alpha: (H, W), the share of each pixel that is the person, and is to be relit. square: what was
+    looked at, a square `side` times as wide as the face's crop; hair, head: (N, N), how far its
+    pixels are hair or beard, and how far they are the head itself or what lies closely on it.
     """
 
     alpha: np.ndarray
@@ -150,7 +150,7 @@ def _shares(
 
 
 def _ending(whole: Crop, width: int, height: int) -> np.ndarray:
-    """(N, N) float32: 1, falling to 0 towards the rims of `whole` beyond which the photo goes on."""
+    """(N, N) float32: 1, and 0 at those rims of `whole` beyond which the photo goes on."""
     place = np.arange(whole.resolution) + 0.5
     (left, top), (right, bottom) = whole.points(np.array([[0, 0], [width, height]]))
 
