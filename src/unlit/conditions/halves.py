@@ -44,11 +44,15 @@ class Halves:
 
 
 def across(landmarks: np.ndarray) -> np.ndarray:
-    """(3,) unit, world frame, across a face of landmarks (478, 3), pixels, near is small."""
+    """(3,) unit, world frame, across a face of landmarks (478, 3), pixels, near is small.
+
+    +x where they are all in one place, as stand-ins for landmarks are.
+    """
     ring = landmarks[list(FACE_OVAL)]
     # It begins at the hairline, which is its own mirror image.
     found = (ring[1:] - ring[:0:-1])[: len(ring) // 2].mean(axis=0) * (1, -1, -1)
-    return np.asarray(found / np.linalg.norm(found))
+    length = np.linalg.norm(found)
+    return np.asarray(found / length if length > 0 else np.array([1.0, 0, 0]))
 
 
 def mirror_plane(vertices: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, float]:

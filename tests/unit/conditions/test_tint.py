@@ -86,6 +86,7 @@ def test_landmarks_tell_across_in_the_worlds_frame() -> None:
     pixels = np.zeros((478, 3))
     pixels[list(FACE_OVAL)] = 100 + 10 * turn.apply(oval) * (1, -1, -1)
     np.testing.assert_allclose(across(pixels), turn.apply(RIGHT), atol=1e-6)
+    np.testing.assert_array_equal(across(np.zeros((478, 3))), RIGHT)
 
 
 def test_twins_mirror_each_other() -> None:
