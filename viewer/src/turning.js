@@ -1,7 +1,7 @@
-// The head turns to and fro by itself, slowly, until somebody touches it.
+// The head turns back and forth by itself, slowly, until somebody touches it.
 
 const DEGREES = 35; // to either side
-const SECONDS = 18; // to and fro
+const SECONDS = 18; // back and forth
 const FRAME = { fast: 0, slow: 120 }; // milliseconds between two pictures at least
 const TOUCHES = ["pointerdown", "wheel", "keydown"];
 
