@@ -54,6 +54,11 @@ _AT_BOUND = (
     "light is probably taken for too weak there."
 )
 
+_TINT = (
+    "Tint: the light's colour changes over the face, red against blue by {:.0%}, which was taken "
+    "out of the maps. If it is paint or make-up on one half, use --set tint.mode=never."
+)
+
 #: What covers the face; the share is that of `covers`.
 _COVERS = {
     "tinted glasses": "Tinted glasses: the eyes and the skin behind them are not measured; there "
@@ -83,6 +88,7 @@ def warnings(r: Reconstruction) -> tuple[str, ...]:
     found = (
         _of_share(_SHADOWED, shading[inside].mean(axis=1) < _SHADOW, _SHADOWED_SHARE),
         _shadow(r.conditions.shadow, inside),
+        _tint(r.conditions.tint, inside),
         _of_share(_SATURATED, (photo >= UNCLIPPED[1]).any(axis=1)),
         _of_share(_CRUSHED, (photo <= UNCLIPPED[0]).all(axis=1)),
         _of_share(_IMPOSSIBLE, (diffuse[inside] > 1).any(axis=1)),
@@ -120,6 +126,13 @@ def _shadow(shadow: Shadow | None, inside: np.ndarray) -> str:
     up, aside = np.degrees(np.arcsin(np.clip(y, -1, 1))), np.degrees(np.arctan2(x, z))
     side = "right" if aside >= 0 else "left"
     return _SUN.format(up, abs(aside), side, float(dark.mean()))
+
+
+def _tint(tint: np.ndarray | None, inside: np.ndarray) -> str:
+    if tint is None:
+        return ""
+    warmer, cooler = np.percentile(tint[inside, 0] / tint[inside, 2], (95, 5))
+    return _TINT.format(float(warmer / cooler) - 1)
 
 
 def _small(scale: float, inside: np.ndarray) -> str:

@@ -116,8 +116,8 @@ _TILES: tuple[Tile, ...] = (
     _CLAY,
     _DIFFUSE,
     (
-        "specular albedo, 0 to 4",
-        lambda r: bytes_of(r.face.maps.specular_albedo / 4 * (r.face.mask > 0)),
+        "specular albedo, 0 to 2",
+        lambda r: bytes_of(r.face.maps.specular_albedo / 2 * (r.face.mask > 0)),
     ),
     _NORMALS,
     ("diffuse normals", lambda r: normals(r.face.normals.diffuse * _inside(r))),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -20,6 +21,7 @@ from unlit.face.conditions import Conditions, Shadow
 from unlit.optimize.observation import Observation
 from unlit.perception.topology import FACE_OVAL
 from unlit.photo.photo import Photo
+from unlit.scene.camera import Camera
 from unlit.settings.settings import PRESETS, override
 
 SIZE = 128
@@ -144,7 +146,36 @@ def test_one_colour_of_light_has_no_tint() -> None:
     assert contrast[1][0] > 0.75 * contrast[0][0]
 
 
-def test_it_does_not_depend_on_the_size_or_the_exposure() -> None:
+def test_a_larger_crop_has_the_same_tint() -> None:
+    """Found at 256 pixels, and brought to the crop's."""
+    seen, inside, brightness = lit_from_the_side()
+    photo = toned(seen, brightness)
+    found, size = tint(photo, RIGHT, SETTINGS), 3 * SIZE
+    large = larger(photo, size)
+    again = tint(large, RIGHT, SETTINGS)
+    assert found is not None and again is not None and again.shape == (size, size, 3)
+    inner = np.asarray(ndimage.binary_erosion(inside, iterations=8), bool)
+    apart = np.log(again[1::3, 1::3][inner] / found[inner])
+    assert apart.std() < 0.25 * np.log(found[inner]).std()
+
+
+def larger(seen: Observation, size: int) -> Observation:
+    def scaled(image: np.ndarray) -> np.ndarray:
+        return np.asarray(cv2.resize(image.astype(np.float32), (size, size)))
+
+    camera, scale = seen.camera, size / seen.camera.width
+    return replace(
+        seen,
+        image=scaled(seen.image),
+        regions=np.repeat(np.repeat(seen.regions, size // SIZE, axis=0), size // SIZE, axis=1),
+        mask=scaled(seen.mask) > 0.5,
+        weight=scaled(seen.weight),
+        fitted=scaled(seen.fitted) > 0.5,
+        camera=Camera(size, size, camera.focal * scale, camera.cx * scale, camera.cy * scale),
+    )
+
+
+def test_it_does_not_depend_on_the_exposure() -> None:
     seen, inside, brightness = lit_from_the_side()
     photo = toned(seen, brightness)
     found = tint(photo, RIGHT, SETTINGS)

@@ -71,6 +71,13 @@ def test_a_cast_shadow_names_its_share(face):
     assert sentence.startswith("Cast shadow: 20% of the face")
 
 
+def test_a_tint_says_how_strong_it_is(face):
+    warm = (np.cumsum(face.face.mask > 0).reshape(face.face.mask.shape) % 2).astype(np.float32)
+    tint = np.dstack([1 + 0.5 * warm, np.ones_like(warm), np.ones_like(warm)])
+    (sentence,) = warnings(changed(face, {"conditions.tint": tint}))
+    assert sentence.startswith("Tint: ") and "by 50%" in sentence and "tint.mode=never" in sentence
+
+
 def test_an_albedo_at_its_bound_is_seen_behind_the_gain(face):
     """What was lowered to 1 at the end may have stopped at the stages' bound."""
     lowered = changed(spoilt(face, 0.03, ALBEDO, 1.0), {"gain": 1 / Settings().max_diffuse})
