@@ -19,17 +19,13 @@ import numpy as np
 from scipy import ndimage
 
 from ..face.reconstruction import Reconstruction
-from ..perception.covers import covers
+from ..perception.covers import worn
 from ..perception.measures import filled
 from ..perception.regions import beard_share
 from ..perception.topology import FACE_OVAL
 from .base_tone import Surface, base_tone
 from .evidence import ramp
 
-#: What the parser has to see of a beard, as of covers.LEAST. On the photos of the lab notes a short
-#: full beard has .09, stubble .04 and less, bare skin .006: the stages take a short beard for skin,
-#: and do well with it, but not in the shade of a jaw.
-_LEAST = 0.07
 #: Gaps between a beard's pieces that belong to it, and the blur of its edge, cm: the parser is
 #: seldom sure of all of it.
 _GAP, _EDGE = 1.2, 0.12
@@ -63,14 +59,14 @@ class Beard:
 def beard_of(
     r: Reconstruction, normal: np.ndarray, skin: np.ndarray, centimetre: float
 ) -> Beard | None:
-    """The beard of `r`; None where no parser was asked, or it sees none.
+    """The beard of `r`; None where no parser was asked, or it found none.
 
     normal: (S, S, 3) of the mesh. skin: (S, S) bool, pixels that show the mesh's skin. centimetre:
     its length on the face, pixels.
     """
     regions, size = r.photo.regions, len(r.photo.image)
     landmarks = r.photo.landmarks[:, :2]
-    if regions.shares is None or covers(regions.shares, landmarks, size)["beard"] < _LEAST:
+    if regions.shares is None or "beard" not in worn(regions.shares, landmarks, size):
         return None
     share = beard_share(regions.shares, landmarks, size)
     wide = 2 * round(0.5 * _GAP * centimetre) + 1
