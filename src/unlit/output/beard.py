@@ -20,7 +20,7 @@ from scipy import ndimage
 
 from ..face.reconstruction import Reconstruction
 from ..perception.covers import worn
-from ..perception.measures import filled
+from ..perception.measures import disk, filled
 from ..perception.regions import beard_share
 from ..perception.topology import FACE_OVAL
 from .base_tone import Surface, base_tone
@@ -31,9 +31,9 @@ from .evidence import ramp
 _GAP, _EDGE = 1.2, 0.12
 #: The beard's share from which a pixel begins to count as beard, and counts as nothing else.
 _SHARE = (0.15, 0.5)
-#: How far below the face's outline a beard is that hangs before the neck, not on it, cm.
+#: How far outside the face's outline a beard fades: what is farther hangs before the neck, cm.
 _HANGS = (0.2, 1.0)
-#: Light on it, of the face's, from which the colour is believed.
+#: Light on it, of the best-lit part's, between which the colour begins to be believed, and is.
 _LIGHT = (0.05, 0.2)
 #: Distance, cm, up to which the skin's shading tells that on the beard.
 _NEAR = 3.0
@@ -69,20 +69,18 @@ def beard_of(
     if regions.shares is None or "beard" not in worn(regions.shares, landmarks, size):
         return None
     share = beard_share(regions.shares, landmarks, size)
-    wide = 2 * round(0.5 * _GAP * centimetre) + 1
-    disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide))
-    share = cv2.morphologyEx(share, cv2.MORPH_CLOSE, disk)
+    share = cv2.morphologyEx(share, cv2.MORPH_CLOSE, disk(0.5 * _GAP * centimetre))
     share *= regions.lips + regions.mouth + regions.eyes < 0.5
     share = ramp(ndimage.gaussian_filter(share, _EDGE * centimetre), *_SHARE) * skin
-    below: Any = ndimage.distance_transform_edt(~filled(landmarks, size, FACE_OVAL))
-    share *= 1 - ramp(below / centimetre, *_HANGS)
+    beside: Any = ndimage.distance_transform_edt(~filled(landmarks, size, FACE_OVAL))
+    share *= 1 - ramp(beside / centimetre, *_HANGS)
     light = _light(r, normal, share, centimetre)
     if light is None:
         return None
-    bright = light.mean(axis=-1)
-    share *= ramp(bright / np.percentile(bright[share > 0], 90), *_LIGHT)
+    sure, bright = share > 0.5, light.mean(axis=-1)
+    share *= ramp(bright / np.percentile(bright[sure], 90), *_LIGHT)
     albedo = np.maximum(r.photo.image, 0) / light
-    albedo *= min(1.0, _BOUNDS[1] / max(np.percentile(albedo[share > 0.5], 99), 1e-6))
+    albedo *= min(1.0, _BOUNDS[1] / max(np.percentile(albedo[sure], 99), 1e-6))
     logs = np.empty((size, size, 5), np.float32)
     logs[..., :3] = np.log(np.clip(albedo, *_BOUNDS))
     logs[..., 3:] = np.log((_SPECULAR, _ROUGHNESS))
