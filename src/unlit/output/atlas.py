@@ -13,10 +13,12 @@ where it shows them; an eye that it hides is as the other one, teeth as those th
 `confidence` says which source a texel is of:
 
     SEEN       measured, nothing added
-    BLENDED    measured for the most part: seen at a grazing angle, or beside hair
+    BLENDED    measured for the most part: seen at a grazing angle, or beside hair; or a beard,
+               which is the photo over the light on it (beard.py)
     MIRRORED   detail of the other half of the face, or the other eye
     DIFFUSED   the person's skin: smooth continuation with the texture of measured skin
-    PLAIN      nothing of its kind was seen: a constant, see vertex_base.py
+    PLAIN      nothing of its kind was seen: a constant, see vertex_base.py; the iris of eyes that
+               are both hidden
 
 Normals are in the tangent space of tangent.py (y up: OpenGL). Beyond the edges of the layout's
 charts every map holds its nearest texel, so that neither filtering nor mipmaps show a seam.

@@ -79,12 +79,14 @@ def base_tone(
     typical: np.ndarray,
     twin: np.ndarray,
     twin_weight: np.ndarray,
+    back_within: float = _RETURN,
 ) -> BaseTone:
     """Solve for the field.
 
     values, typical: (V, C). weight: (V,) evidence in [0, 1]. twin: (V,) number of the mirror
     image of each vertex, itself where there is none; twin_weight: (V,) in [0, 1], how far its
-    changes are evidence here.
+    changes are evidence here. back_within: cm, how far from what was seen the field is `typical`
+    again.
     """
     count = len(values)
     i, j = surface.edges.T
@@ -96,7 +98,7 @@ def base_tone(
         shape=(len(i), count),
     ).tocsr()
     stiff = incidence.T @ sp.diags_array(_SMOOTH**2 * surface.cotangent)
-    back = surface.area * (1 - twin_weight) * (_SMOOTH / _RETURN) ** 2 + 1e-9
+    back = surface.area * (1 - twin_weight) * (_SMOOTH / back_within) ** 2 + 1e-9
     same = surface.area * twin_weight * (_SMOOTH / _MIRROR) ** 2
     held = surface.area * weight
     matrix: Any = stiff @ incidence + sp.diags_array(held + back + same)

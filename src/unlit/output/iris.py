@@ -5,7 +5,9 @@ In polar coordinates about the eye's axis, t being the angle over that of the ir
 - the iris and its pupil are round: what lids, lashes or a reflection hide of a ring is taken from
   the rest of the ring, from near it and from its mirror image;
 - a reflection (catch-light) is what is much brighter than its ring, with a rim around it;
-- the white goes on as the white that is seen, without what is as dark as lashes or a lid's shadow.
+- the white goes on as the white that is seen, without what is as dark as lashes or a lid's shadow;
+- of eyes that nothing is known of, as behind dark glasses, the iris is drawn in a dark greyish
+  brown, the most common colour: a guess, and marked as one, but no blank ball.
 
 An eyeball is smooth: relief that the photo's reflections feign is taken off.
 """
@@ -43,7 +45,13 @@ _LEAST, _WHITE = 0.15, 12
 #: Neighbours that a texel is made of; how much farther what lies across the ring is than what lies
 #: along it, and how far the mirror image is. What the white's typical tone weighs.
 _NEIGHBOURS, _ACROSS, _MIRROR, _TONE = 16, 5.0, 0.4, 0.15
-_DIFFUSED, _MIRRORED = 64, 128
+#: Log values of an iris that no photo shows, of its rim and of its pupil; the pupil's radius, of
+#: the iris'.
+_GUESS, _RIM, _PUPIL = np.log(
+    [[0.075, 0.048, 0.033, 0.7, 0.15], [0.03, 0.022, 0.018, 0.7, 0.15], [0.006] * 3 + [0.7, 0.15]]
+)
+_PUPIL_SIZE = 0.36
+_PLAIN, _DIFFUSED, _MIRRORED = 0, 64, 128
 
 
 def complete_eyes(
@@ -55,12 +63,16 @@ def complete_eyes(
     """
     looks = [_Look.of(eye, mesh, texels, values, level) for eye in eyes]
     white = _white([look.logs[look.seen & ~look.iris] for look in looks])
+    hidden = not any(look.shows_iris for look in looks)
     for look in looks:
         index, t, logs, seen, iris = look.index, look.t, look.logs, look.seen, look.iris
         values[index, LOGS.stop :] = 0
         edge = np.abs(t - 0.5 * sum(_EDGE)) < 0.5 * (_EDGE[1] - _EDGE[0])
         inner, outer = logs.copy(), logs.copy()
-        shown = (seen & iris).sum() > _LEAST * iris.sum()
+        shown = look.shows_iris
+        if hidden:
+            inner = _guessed(t)
+            level[index[iris]] = _PLAIN
         if shown:
             good = seen & ~_strange(t, look.around, _bright(logs), seen & iris)
             fill = edge | (iris & ~good)
@@ -73,7 +85,8 @@ def complete_eyes(
             fill = edge | (~iris & ~good)
             outer[fill] = _spread(look.unit, outer, good & ~edge, fill, dimmer)
             level[index[~iris & ~good]] = _DIFFUSED
-        share = ramp(t, *_EDGE) if shown and white is not None else (~iris).astype(float)
+        round_ = hidden or (shown and white is not None)
+        share = ramp(t, *_EDGE) if round_ else (~iris).astype(float)
         values[index, LOGS] = (1 - share[:, None]) * inner + share[:, None] * outer
 
 
@@ -90,6 +103,11 @@ class _Look:
     seen: np.ndarray
     iris: np.ndarray
 
+    @property
+    def shows_iris(self) -> bool:
+        """Whether there is enough of the iris to go by."""
+        return bool((self.seen & self.iris).sum() > _LEAST * self.iris.sum())
+
     @staticmethod
     def of(eye: Eye, mesh: Welded, texels: Texels, values: np.ndarray, level: np.ndarray) -> _Look:
         some = texels.some(eye.vertices[mesh.vertex[mesh.triangles[texels.triangle, 0]]])
@@ -102,6 +120,14 @@ class _Look:
         around = np.arctan2(unit @ up, unit @ across)
         seen = level[some.index] >= _MIRRORED
         return _Look(some.index, unit, t, around, values[some.index, LOGS], seen, t < _IRIS)
+
+
+def _guessed(t: np.ndarray) -> np.ndarray:
+    """Log values (K, 5) of an iris that no photo shows."""
+    rim = ramp(t, 0.75, 1.0)[:, None]
+    pupil = 1 - ramp(t, _PUPIL_SIZE - 0.05, _PUPIL_SIZE + 0.05)[:, None]
+    outer = _GUESS + rim * (_RIM - _GUESS)
+    return outer + pupil * (_PUPIL - outer)
 
 
 def _bright(logs: np.ndarray) -> np.ndarray:

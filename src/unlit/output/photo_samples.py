@@ -16,6 +16,7 @@ from scipy import ndimage
 
 from ..face.reconstruction import Reconstruction
 from ..scene.mesh import Mesh, surface
+from .beard import Beard, beard_of
 from .displacement import displacement
 from .evidence import features, pixel_evidence, squareness
 from .geometry import Welded
@@ -27,11 +28,15 @@ from .texels import Texels
 #: and y / z of the specular and of the diffuse normal in tangent space, and the displacement, mm.
 #: Logarithms keep what is filled in positive.
 LOGS, HEIGHT, CHANNELS = slice(0, 5), 9, 10
+#: What a pixel has more than that, at the end: its worth, whether it is drawn, whether it is beard.
+_WORTH, _DRAWN, _BEARD = -3, -2, -1
 
 _DARKEST = 1e-3
 _STRAIGHTEST = 0.05  # least z of a tangent-space normal
 #: How far lids over the photo's eye are continued, cm, and what that is worth as evidence.
 _LID, _LID_WORTH = 0.3, 0.9
+#: What the best of a beard is worth: the photo's look, but measured by no stage.
+_PAINTED = 0.95
 _TONE = 0.25  # cm, standard deviation of the blur of what vertices take
 
 
@@ -57,11 +62,13 @@ class Points:
 @dataclass(frozen=True)
 class Samples:
     """values: (K, CHANNELS). weight: (K,) in [0, 1], what they are worth, 0 where not seen.
-    feature: (K,) in [0, 1], whether they belong to brows, lips or eyes."""
+    feature: (K,) in [0, 1], whether they belong to brows, lips, eyes or a beard; beard: (K,) to
+    that."""
 
     values: np.ndarray
     weight: np.ndarray
     feature: np.ndarray
+    beard: np.ndarray
 
 
 class PhotoSamples:
@@ -99,10 +106,32 @@ class PhotoSamples:
         bends = maps.perturbation, maps.diffuse_perturbation()
         self.displacement = displacement(r)
         distance = -self.point[:, 2].reshape(r.face.mask.shape)
-        extra = pixel_evidence(r, distance, self.centimetre), features(r, self.centimetre)
-        channels = np.dstack([logs, *bends, self.displacement, *extra])
+        evidence = pixel_evidence(r, distance, self.centimetre)
+        drawn = features(r, self.centimetre)
+        bare = np.zeros_like(drawn)
+        channels = np.dstack([logs, *bends, self.displacement, evidence, drawn, bare])
         self.maps = channels.reshape(pixels, -1)
+        facing = (shown == SKIN).reshape(drawn.shape)
+        normals = self.normal.reshape(*drawn.shape, 3)
+        self._paint(beard_of(r, normals, facing, self.centimetre))
         self._lids((shown == SKIN) & eye)
+
+    def _paint(self, beard: Beard | None) -> None:
+        """Let a beard lie over the skin: smooth, as strands are no relief of it."""
+        if beard is None:
+            return
+        share = beard.share.ravel()
+        here = np.flatnonzero(share > 0)
+        share = share[here, None]
+        rest = (1 - share) * self.maps[here, _WORTH, None]
+        part = share / (share + rest)
+        flat = np.zeros((len(here), self.maps.shape[1] - 3), np.float32)
+        flat[:, LOGS] = beard.logs.reshape(len(self.maps), -1)[here]
+        self.maps[here, :_WORTH] += part * (flat - self.maps[here, :_WORTH])
+        self.maps[here, _WORTH] = (_PAINTED * share + rest)[:, 0]
+        self.maps[here, _DRAWN] = np.maximum(self.maps[here, _DRAWN], part[:, 0])
+        self.maps[here, _BEARD] = part[:, 0]
+        self.shows[here, SKIN] = True
 
     def _lids(self, over_eye: np.ndarray) -> None:
         """Let pixels that show the mesh's lids over the photo's eye take the skin beside it.
@@ -117,9 +146,9 @@ class PhotoSamples:
         distance, (rows, columns) = away
         lids = np.flatnonzero(over_eye & (distance.ravel() < _LID * self.centimetre))
         source = (rows * self.camera.width + columns).ravel()[lids]
-        self.maps[lids, :-2] = self.maps[source, :-2]
-        self.maps[lids, -2] = _LID_WORTH * self.maps[source, -2]
-        self.maps[lids, -1] = 1
+        self.maps[lids, :_WORTH] = self.maps[source, :_WORTH]
+        self.maps[lids, _WORTH] = _LID_WORTH * self.maps[source, _WORTH]
+        self.maps[lids, _DRAWN] = 1
         self.shows[lids, SKIN] = True
 
     @cached_property
@@ -129,23 +158,36 @@ class PhotoSamples:
         Skin, eyes and teeth are blurred apart, each by what is good evidence of it.
         """
         out = self.maps.copy()
+        skin = self.maps[:, _WORTH] * (1 - self.maps[:, _DRAWN])
+        for kind, worth in ((SKIN, skin), (EYES, 1.0), (TEETH, 1.0)):
+            self._blur(out, self.shows[:, kind], worth)
+        return out
+
+    @cached_property
+    def bearded(self) -> np.ndarray | None:
+        """The same of the beard; None where there is none."""
+        beard = self.maps[:, _BEARD]
+        if not beard.any():
+            return None
+        out = self.maps.copy()
+        self._blur(out, self.shows[:, SKIN] & (beard > 0), beard)
+        return out
+
+    def _blur(self, maps: np.ndarray, here: np.ndarray, worth: np.ndarray | float) -> None:
+        """Blur the logs of `maps` among the pixels `here` (pixels,), by what they are worth."""
         shape = self.camera.height, self.camera.width
         blur = _TONE * self.centimetre
-        evidence, feature = self.maps[:, -2], self.maps[:, -1]
-        for kind, worth in ((SKIN, evidence * (1 - feature)), (EYES, 1.0), (TEETH, 1.0)):
-            here = self.shows[:, kind]
-            weight = (here * worth).astype(np.float32).reshape(shape)
-            share = ndimage.gaussian_filter(weight, blur)
-            for channel in range(LOGS.stop):
-                values = self.maps[:, channel].reshape(shape)
-                tone = ndimage.gaussian_filter(values * weight, blur)
-                out[here, channel] = (tone / np.maximum(share, 1e-9)).ravel()[here]
-        return out
+        weight = (here * worth).astype(np.float32).reshape(shape)
+        share = ndimage.gaussian_filter(weight, blur)
+        for channel in range(LOGS.stop):
+            values = self.maps[:, channel].reshape(shape)
+            tone = ndimage.gaussian_filter(values * weight, blur)
+            maps[here, channel] = (tone / np.maximum(share, 1e-9)).ravel()[here]
 
     def texture(self) -> SkinTexture | None:
         """What fine structure the skin has, as baking channels."""
         shape = self.camera.height, self.camera.width
-        evidence, feature = self.maps[:, -2], self.maps[:, -1]
+        evidence, feature = self.maps[:, _WORTH], self.maps[:, _DRAWN]
         towards = -_dot(self.normal, _unit(self.point))
         square = towards > 0.8  # there the picture's axes are nearly the tangent space's
         good = self.shows[:, SKIN] & square & (feature < 0.01)
@@ -156,7 +198,8 @@ class PhotoSamples:
     def spread(self) -> np.ndarray:
         """Standard deviations (CHANNELS,) of the skin's fine structure, robust; inf where none."""
         tone = self.toned
-        good = self.shows[:, SKIN] & (self.maps[:, -2] > 0.99) & (self.maps[:, -1] < 0.01)
+        good = self.shows[:, SKIN] & (self.maps[:, _WORTH] > 0.99)
+        good &= self.maps[:, _DRAWN] < 0.01
         out = np.full(CHANNELS, np.inf, dtype=np.float32)
         if good.any():
             detail = np.abs(self.maps[good, LOGS] - tone[good, LOGS])
@@ -203,9 +246,9 @@ class PhotoSamples:
         slopes = [_slopes(unit + bend, points.normal, points.tangent) for bend in bends]
         seen = (total[:, 0] > 1e-3) & (cosine > 0)
         # Lids and lips frame eyes and mouth: near to them is no reason for doubt there.
-        worth = np.where(points.part == SKIN, found[:, -2] * squareness(cosine), 1)
+        worth = np.where(points.part == SKIN, found[:, _WORTH] * squareness(cosine), 1)
         values = np.hstack([found[:, LOGS], *slopes, found[:, 11:12]])
-        return Samples(values, np.where(seen, worth, 0), found[:, -1])
+        return Samples(values, np.where(seen, worth, 0), found[:, _DRAWN], found[:, _BEARD])
 
 
 def _slopes(direction: np.ndarray, normal: np.ndarray, tangent: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 from ..color import luminance
 from ..scene.components import components
 from .base_tone import BaseTone, Surface, base_tone
+from .beard import beard_base
 from .evidence import ramp
 from .geometry import Welded
 from .parts import EYES, INSIDE, SKIN, TEETH, parts_of_corners
@@ -110,19 +111,26 @@ class VertexBase:
             rms = np.sqrt((difference**2).mean())
             change *= 1 - ramp(rms, *_DISAGREE)
         tone = base_tone(surface, values, weight, typical, twin, change)
-        field = tone.field
+        field, mirrored = tone.field, tone.mirrored
         if hair is not None:
             covered = hair.cover & skin & (evidence < 0.5)
             share = surface.spread(covered * 1.0, _HAIRLINE)[:, None]
             field = field.copy()
             field[:, :3] += share * (np.log(hair.albedo) - field[:, :3])
             has &= ~covered
+        worn = photo.bearded
+        if worn is not None:
+            there = photo.at(points, worn)
+            weighed = there.weight * skin
+            beard = beard_base(surface, there.values[:, LOGS], there.beard, weighed, twin)
+            if beard is not None:
+                field, mirrored = beard.over(field), beard.over(tone.field)[twin]
         spot = np.abs(luminance(values[:, :3] - tone.field[:, :3]))
         like = np.where(found.weight > 0, 1 - ramp(spot, *_SPOT), 0)
         known = _known(vertex[part != INSIDE], weight > 0, of_vertex, count)
         return VertexBase(
             vertex,
-            replace(tone, field=field),
+            BaseTone(field, mirrored),
             known.astype(np.float32),
             has.astype(np.float32),
             like[twin].astype(np.float32),

@@ -162,6 +162,17 @@ def segment(
     return Regions(weights, shares * within[..., None])
 
 
+def beard_share(shares: np.ndarray, landmarks: np.ndarray, resolution: int) -> np.ndarray:
+    """(S, S) float32 in [0, 1]: how far each pixel is beard, of a face that was found to have one.
+
+    The parser is seldom sure of a beard: what counts is where it is as sure as it gets here.
+    shares: (192, 192, 13), as in Regions. landmarks: (478, 2) pixels.
+    """
+    below = filled(landmarks, resolution, FACE_OVAL) & ~above(landmarks, resolution, NOSE_BASE)
+    share = np.clip(_enlarged(shares, ("beard",), resolution), 0, 1)
+    return np.minimum(share / max(np.percentile(share[below], _SUREST), _FAINTEST), 1)
+
+
 def _visible_face(
     image: np.ndarray, shares: np.ndarray, landmarks: np.ndarray, found: set[str]
 ) -> np.ndarray:
@@ -181,10 +192,7 @@ def _visible_face(
     size = face_size(landmarks)
     face, hair = share("skin", *_FEATURE_NAMES), share("hair")
     if "beard" in found:
-        # The parser is seldom sure of a beard: what counts is where it is as sure as it gets here.
-        below = filled(landmarks, resolution, FACE_OVAL) & ~above(landmarks, resolution, NOSE_BASE)
-        beard = share("beard")
-        beard = np.minimum(beard / max(np.percentile(beard[below], _SUREST), _FAINTEST), 1)
+        beard = beard_share(shares, landmarks, resolution)
         face, hair = np.minimum(face, 1 - beard), np.maximum(hair, beard)
     else:
         face += share("beard")

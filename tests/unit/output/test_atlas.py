@@ -14,6 +14,7 @@ from unlit.face.reconstruction import Reconstruction
 from unlit.machine.runtime import mitsuba
 from unlit.output.atlas import BLENDED, DIFFUSED, MIRRORED, PLAIN, SEEN, Atlas, bake
 from unlit.output.displacement import displacement
+from unlit.output.eyes import Eye
 from unlit.scene.brdf import specular
 from unlit.scene.mesh import Mesh, surface_weights
 
@@ -329,3 +330,25 @@ def test_sizes_that_are_no_power_of_two():
     for normal in (atlas.specular_normal, atlas.diffuse_normal):
         np.testing.assert_allclose(np.linalg.norm(normal, axis=-1), 1, atol=1e-5)
         assert (normal[..., 2] > 0).all()
+
+
+def test_eyes_that_were_not_seen_have_an_iris():
+    """Behind dark glasses: a dark round iris and a white, marked as a guess."""
+    r = small_head(albedo=lambda point: np.full((len(point), 3), 0.5))
+    regions = np.zeros_like(r.photo.regions.weights)
+    regions[..., 0] = 1
+    place = r.face.mesh.vertices - CENTRE
+    eyes = []
+    for left, x in enumerate((-2.8, 2.8)):
+        middle = np.array([x, 2.0, 7.9])
+        ball = np.abs(np.linalg.norm(place - middle, axis=1) - 1.3) < 1e-3
+        front = np.array([0.0, 0.0, 1.0])
+        eyes.append(Eye(bool(left), ball, middle + CENTRE, 1.3, front, 0.33))
+    atlas = bake(changed(r, {"photo.regions.weights": regions}), SIZE, eyes=tuple(eyes))
+    row = int(0.85 * SIZE)
+    for left in (0.05, 0.4):
+        middle = int((left + 0.125) * SIZE)
+        line = atlas.diffuse_albedo[row, middle : middle + int(0.1 * SIZE)].mean(axis=1)
+        assert line[0] < 0.01 < line[4] < 0.1 < 0.45 < line[-1]  # pupil, iris, white
+        chart = slice(int(0.8 * SIZE), int(0.9 * SIZE)), slice(middle - 40, middle + 40)
+        assert (atlas.confidence[chart] == PLAIN).all()
