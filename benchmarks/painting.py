@@ -15,7 +15,7 @@ from unlit.render.reference import face_body, trace
 from unlit.scene.camera import Camera
 from unlit.scene.maps import Maps
 from unlit.scene.mesh import Mesh
-from unlit.settings.settings import ROUGHNESS
+from unlit.settings.regions import RoughnessByRegion
 
 #: Diffuse albedo, linear sRGB, of the skins that subjects are painted with.
 SKINS = {
@@ -133,9 +133,10 @@ def paint(
     for blob in _iris(eyes, unit):
         albedo = _mix(albedo, np.array([0.06, 0.04, 0.03], dtype=np.float32), blob)
 
-    roughness = np.full(size, ROUGHNESS["skin"], dtype=np.float32)
+    alpha = RoughnessByRegion()
+    roughness = np.full(size, alpha.skin, dtype=np.float32)
     for name, mask in (("lips", lips), ("eyebrows", brows), ("eyes", eyes)):
-        roughness += mask * (ROUGHNESS[name] - ROUGHNESS["skin"])
+        roughness += mask * (getattr(alpha, name) - alpha.skin)
     specular = np.clip(0.9 + 0.15 * noise(50), 0.3, 1.5)
     bump = 0.25 * unit * noise(1.2) + 0.4 * unit * noise(3.0)
     gy, gx = np.gradient(bump)

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from ..errors import SubjectError
 from ..scene.normals import vertex_normals
-from ..settings.settings import ROUGHNESS
+from ..settings.regions import RoughnessByRegion
 from ..storage.meshes import V_AXIS, Surface, read_mesh
 from ..storage.pictures import read_picture
 from .scan import Part, Scan, frontal, seen_by
@@ -55,7 +55,7 @@ def _part(mesh: MeshTable, object_to_world: np.ndarray, unit: float) -> Part:
         uv=uv,
         diffuse=_colour(mesh.diffuse_albedo),
         specular=_scalar(mesh.specular_albedo, 0, 20, 1),
-        roughness=_scalar(mesh.roughness, 0.02, 1, ROUGHNESS["skin"]),
+        roughness=_scalar(mesh.roughness, 0.02, 1, RoughnessByRegion().skin),
         normal=bend @ np.linalg.inv(linear) if in_object else bend,
         object_space=in_object,
     )

@@ -46,7 +46,8 @@ class FittedHead:
     mesh: world frame, cm. landmarks: (L, 2) float32, as detected, without the landmarker's mean
     error, pixels of the crop. landmark_points: the same points on the mesh. landmark_residual: mean
     distance between both, in eye distances, model: name and licence of the head model, and motion:
-    what moves it; None for a mesh that was not fitted.
+    what moves it; None for a mesh that was not fitted. skin_regions: (V, 8) float32 in [0, 1], sum
+    1, weights of the vertices (head/skin_regions.py); None where nothing is known of regions.
     """
 
     mesh: PosedMesh
@@ -55,6 +56,7 @@ class FittedHead:
     landmark_residual: float | None = None
     model: str | None = None
     motion: Motion | None = None
+    skin_regions: np.ndarray | None = None
 
     __repr__ = short_repr
 

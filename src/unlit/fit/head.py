@@ -9,6 +9,7 @@ from ..face.face import PosedMesh
 from ..face.head import FittedHead, Motion
 from ..face.photo import FacePhoto
 from ..head.model import HeadModel
+from ..head.skin_regions import skin_regions
 from ..perception.mouth import teeth
 from ..settings.settings import Settings
 from .landmarks import LandmarkProblem
@@ -37,6 +38,7 @@ def fit_head(photo: FacePhoto, model: HeadModel, settings: Settings) -> FittedHe
         fit.landmark_residual,
         f"{model.name}, {model.licence}",
         motion(model, fit.state),
+        skin_regions(model),
     )
 
 

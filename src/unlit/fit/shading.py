@@ -31,7 +31,7 @@ from ..scene.arrays import device
 from ..scene.cells import grid_cells
 from ..scene.mesh import CameraHits, Mesh, surface, surface_weights
 from ..settings.fit import ShadingFit
-from ..settings.settings import ROUGHNESS
+from ..settings.regions import RoughnessByRegion
 from .landmarks import HeadFit, LandmarkProblem, bounded_solve
 from .shape_jacobian import SeenPixels, ShapeJacobian
 from .state import STATED_RESOLUTION, State
@@ -188,7 +188,7 @@ class ShadingProblem:
         pixel, triangle = pixel[seen], triangle[seen]
         hits = CameraHits(device(mi.UInt32, pixel), device(mi.UInt32, triangle))
         position, n, geometric = surface(camera, hits, mesh.vertices, mesh.normals, mesh.triangles)
-        roughness = dr.full(mi.Float, ROUGHNESS["skin"], count)
+        roughness = dr.full(mi.Float, RoughnessByRegion().skin, count)
         dr.eval(position, n, geometric)
         weights = surface_weights(camera, hits, mesh.vertices, mesh.triangles)[1]
         weights, place = weights.numpy().T, position.numpy().T

@@ -169,7 +169,7 @@ def photo_of_run(path: Path) -> str:
 
 def _observation_key(seen: Observation) -> str:
     names = ("image", "regions", "weight", "vertices", "triangles", "landmarks")
-    return key(*(getattr(seen, name) for name in names), vars(seen.camera))
+    return key(*(getattr(seen, name) for name in names), seen.skin_regions, vars(seen.camera))
 
 
 def _read_about(path: Path) -> _About:

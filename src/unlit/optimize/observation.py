@@ -27,7 +27,7 @@ class Observation:
     light and gain are not judged there. camera: H x W pixels. vertices: (V, 3) float32 fitted mesh,
     world frame, cm; triangles: (F, 3) int32. landmarks: (L, 2) detected points, pixels of the
     image; landmark_points: the same points on the mesh. sun: (3,) direction of a light whose shadow
-    the image has no more; None without one.
+    the image has no more; None without one. skin_regions: (V, 8) as in FittedHead.
     """
 
     image: np.ndarray
@@ -41,6 +41,7 @@ class Observation:
     landmarks: np.ndarray
     landmark_points: SurfacePoints
     sun: np.ndarray | None = None
+    skin_regions: np.ndarray | None = None
 
     def reduced(self, size: int) -> Observation:
         """The same at `size` pixels a side, if it is larger."""
@@ -84,4 +85,5 @@ def observation(photo: FacePhoto, head: FittedHead, conditions: Conditions) -> O
         landmarks=head.landmarks,
         landmark_points=head.landmark_points,
         sun=None if shadow is None else shadow.sun,
+        skin_regions=head.skin_regions,
     )

@@ -51,42 +51,55 @@ class PrimalDual:
     """The maps of P pixels and what pulls at them.
 
     target: mi.Color3f, encoded and censored. state: of the estimate, by the names in STATE.
+    log_level: mi.Float, ln of the specular albedo that is given; what the map has over it is
+    smooth, and near its nominal level.
 
-    As attributes: diffuse: mi.Color3f, encoded. log_specular: mi.Float, ln. pull: mi.Color3f, how
-    hard each pixel and channel of the photo pulls, -1 to 1. right, below: mi.Vector4f, the same of
-    the differences to the right and below, of the three encoded diffuse channels and log specular
-    albedo, up to the weight of the smoothness.
+    As attributes: diffuse: mi.Color3f, encoded. relative: mi.Float, ln specular albedo over its
+    level. pull: mi.Color3f, how hard each pixel and channel of the photo pulls, -1 to 1. right,
+    below: mi.Vector4f, the same of the differences to the right and below, of the three encoded
+    diffuse channels and of `relative`, up to the weight of the smoothness.
     """
 
     STATE: ClassVar = ("log_diffuse", "log_specular", "pull", "right", "below")
 
     def __init__(
-        self, neighbours: Neighbours, target: Any, settings: Settings, state: dict[str, Any]
+        self,
+        neighbours: Neighbours,
+        target: Any,
+        settings: Settings,
+        state: dict[str, Any],
+        log_level: Any = 0.0,
     ) -> None:
         self.neighbours, self.target, self.settings = neighbours, target, settings
         bounds = encode(mi.Float(_DARKEST, settings.max_diffuse)).numpy()
         self.bounds = tuple(float(bound) for bound in bounds)
         self.diffuse = encode(dr.exp(state["log_diffuse"]))
-        self.log_specular = mi.Float(state["log_specular"])
+        self.log_level = mi.Float(log_level)
+        self.relative = mi.Float(state["log_specular"]) - self.log_level
         self.begin = mi.Color3f(self.diffuse)
-        self.ahead = (self.diffuse, self.log_specular)
+        self.ahead = (self.diffuse, self.relative)
         self.pull, self.right, self.below = state["pull"], state["right"], state["below"]
-        own = dr.arange(mi.UInt32, dr.width(self.log_specular))
+        own = dr.arange(mi.UInt32, dr.width(self.relative))
         self.inner = (neighbours.left != own, neighbours.above != own)
         self.perturbation: Any = None
-        dr.eval(self.diffuse, self.log_specular, self.inner)
+        dr.eval(self.diffuse, self.relative, self.inner)
 
     @property
     def log_diffuse(self) -> Any:
         """mi.Color3f, ln of linear albedo, as the estimate has it."""
         return dr.log(decode(self.diffuse))
 
+    @property
+    def log_specular(self) -> Any:
+        """mi.Float, ln of specular albedo, as the estimate has it."""
+        return self.relative + self.log_level
+
     def brighten(self, shift: float) -> None:
         """Albedo times exp(shift)."""
         self.diffuse = encode(decode(self.diffuse) * dr.exp(dr.opaque(mi.Float, shift)))
         self.begin = encode(decode(self.begin) * dr.exp(dr.opaque(mi.Float, shift)))
-        self.log_specular = self.log_specular + dr.opaque(mi.Float, shift)
-        self.ahead = (self.diffuse, self.log_specular)
+        self.relative = self.relative + dr.opaque(mi.Float, shift)
+        self.ahead = (self.diffuse, self.relative)
         dr.eval(self.ahead, self.begin)
 
     def step(
@@ -105,6 +118,7 @@ class PrimalDual:
         weight: of the pixels, mean 1. unseen: how little they say, 0 to 1. gloss: its levels.
         image, smooth_diffuse, smooth_specular: of the terms.
         """
+        s = s * dr.exp(self.log_level)
         limits: list[Any] = [dr.opaque(mi.Float, smooth_diffuse / 3)] * 3
         limits.append(dr.opaque(mi.Float, smooth_specular))
         by_diffuse, by_specular = self._climb(e, s, weight, limits)
@@ -119,17 +133,17 @@ class PrimalDual:
         moved = dr.clip(moved, *self.bounds)
         pace = _SPECULAR / (hold[3] + image / 3 * dr.sum(by_specular))
         by_gloss = dr.sum(pull * by_specular)
-        level = self.log_specular - pace * (forces[3] + by_gloss)
+        level = self.relative - pace * (forces[3] + by_gloss)
         # The cost of gloss, per unit of log specular albedo at the nominal level.
         nominal, most_specular = gloss.log
         cost = self.settings.specular_cost * dr.exp(nominal)
         cost = cost * weight * dr.mean(mi.Color3f(s))
         level = _towards(level, nominal, pace * cost)
         most = image / 3 * weight * dr.sum(by_specular)
-        level += self._of_all(by_gloss, most, cost, self.log_specular - nominal)
+        level += self._of_all(by_gloss, most, cost, self.relative - nominal)
         level = at_most(level, most_specular)
-        self.ahead = (2 * moved - self.diffuse, 2 * level - self.log_specular)
-        self.diffuse, self.log_specular = moved, level
+        self.ahead = (2 * moved - self.diffuse, 2 * level - self.relative)
+        self.diffuse, self.relative = moved, level
         dr.eval(moved, level, self.ahead)
 
     def _climb(self, e: Any, s: Any, weight: Any, limits: list[Any]) -> tuple[Any, Any]:
@@ -179,6 +193,7 @@ class PrimalDual:
 
     def image(self, e: Any, s: Any, weight: Any) -> Any:
         """The image loss as it depends on E and S, each pixel pulling as it does; weight: sum 1."""
+        s = s * dr.exp(self.log_level)
         seen = encode(decode(self.ahead[0]) * e + dr.exp(self.ahead[1]) * s)
         return dr.sum(weight * dr.sum(self.pull * dr.clip(seen, *UNCLIPPED))) / 3
 

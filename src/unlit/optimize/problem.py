@@ -9,13 +9,15 @@ import numpy as np
 
 from ..color import encode_srgb
 from ..face.gain import AlbedoGain
+from ..head.skin_regions import SKIN_REGIONS
 from ..machine.runtime import mitsuba
 from ..perception.regions import REGIONS
 from ..progress.callbacks import StageProgress
 from ..render.transport import ShadingPoints
 from ..scene.arrays import device
 from ..scene.maps import Maps, fill
-from ..scene.mesh import CameraHits, Mesh, surface
+from ..scene.mesh import CameraHits, Mesh, surface, surface_weights
+from ..settings.regions import RoughnessByRegion, SpecularByRegion
 from ..settings.settings import Settings
 from .estimate import Estimate
 from .losses import Neighbours, censored
@@ -31,7 +33,8 @@ class Problem:
     As attributes: hits: what the P pixels see now; pixel: (P,) int64, row-major. target:
     mi.Color3f, the sRGB-encoded photo, censored; weakest: mi.Float, its weakest channel, linear;
     weight: mi.Float >= 0, sum 1; roughness: mi.Float, Beckmann alpha; all of width P. regions:
-    (P, 5) float32, sum 1.
+    (P, 5) float32, sum 1. log_level: mi.Float, ln of the specular albedo that the settings give a
+    pixel's region of the skin, over that of other skin.
 
     Raises ValueError when the mesh and the mask do not overlap, or nothing there has any weight.
     """
@@ -70,8 +73,21 @@ class Problem:
         regions = self.rows(observation.regions).astype(np.float64)
         regions /= np.maximum(regions.sum(axis=1, keepdims=True), 1e-6)
         self.regions = regions.astype(np.float32)
-        table = [getattr(settings, f"{name}_roughness") for name in REGIONS]
-        self.roughness = device(mi.Float, regions @ table)
+        table = [getattr(settings.roughness, name) for name in REGIONS]
+        alpha, level = regions @ table, np.zeros(len(regions))
+        if observation.skin_regions is not None:
+            shares = regions[:, :1] * self._at_pixels(observation.skin_regions)
+            alpha += shares @ _by_region(settings.roughness) - regions[:, 0] * table[0]
+            level = shares @ np.log(_by_region(settings.specular_level))
+        self.roughness, self.log_level = device(mi.Float, alpha), device(mi.Float, level)
+
+    def _at_pixels(self, values: np.ndarray) -> np.ndarray:
+        """(P, C) of values (V, C) of the vertices, at least 0, sum 1."""
+        mesh = self.mesh
+        corner, weight = surface_weights(self.camera, self.hits, mesh.vertices, mesh.triangles)
+        shares = np.einsum("pcr,pc->pr", values[corner.numpy().T], weight.numpy().T)
+        shares = np.maximum(shares, 0)
+        return shares / shares.sum(axis=1, keepdims=True)
 
     @property
     def fitted_rows(self) -> np.ndarray:
@@ -155,3 +171,8 @@ class Problem:
             geometric,
             self.roughness,
         )
+
+
+def _by_region(table: RoughnessByRegion | SpecularByRegion) -> np.ndarray:
+    """(8,) what the settings have for SKIN_REGIONS."""
+    return np.array([getattr(table, name) for name in SKIN_REGIONS])

@@ -30,7 +30,8 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     settings, stage = problem.settings, problem.settings.stage1
     sample = LightSample(problem, shading)
     light = LightSteps(settings, stage, estimate, shading.cells, steps=1)
-    everywhere, sampled = Blend(problem.regions), Blend(problem.regions[sample.rows])
+    everywhere = Blend(problem.regions), problem.log_level
+    sampled = Blend(problem.regions[sample.rows]), sample.of(problem.log_level)
 
     diffuse, specular = _starting_colors(problem, sample, light)
     run = StageRun(
@@ -42,12 +43,12 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
     )
     adam = run.adam
 
-    def blended(blend: Blend) -> tuple[Any, Any]:
+    def blended(blend: Blend, log_level: Any) -> tuple[Any, Any]:
         base = blend(dr.exp(adam["log_diffuse"]), dr.exp(adam["log_specular"]))
-        return dr.log(base[0]), dr.log(base[1])
+        return dr.log(base[0]), dr.log(base[1]) + log_level
 
     def spread() -> Estimate:
-        diffuse, specular = dr.detach(blended(everywhere))
+        diffuse, specular = dr.detach(blended(*everywhere))
         return replace(run.result(estimate), log_diffuse=diffuse, log_specular=specular)
 
     level: Any = None
@@ -61,16 +62,15 @@ def stage1(problem: Problem, estimate: Estimate, shading: Shading) -> Estimate:
             shading.update(light.known.numpy(), problem.maps(spread()))
         e, s = sample.transport.shade(light.radiance)
         e, s = e + sample.of(shading.indirect[0]), s + sample.of(shading.indirect[1])
-        log_diffuse, log_specular = blended(sampled)
+        log_diffuse, log_specular = blended(*sampled)
         image = rendered(log_diffuse, log_specular, e, s)
         loss = stage.image * image_l1(image, sample.target, sample.weight)
         # Gloss is judged in the gain of the last refresh: else it would grow cheaper with the gain.
         mean = dr.mean(dr.mean(e))
         level = dr.detach(mean) if refreshed else level
         gain = mean / level
-        loss += gloss_loss(
-            settings, run.gloss, log_specular + dr.log(gain), s / gain, sample.weight
-        )
+        relative, s = log_specular - sampled[1] + dr.log(gain), s * dr.exp(sampled[1]) / gain
+        loss += gloss_loss(settings, run.gloss, relative, s, sample.weight)
         run.step(loss)
         light.step()
         run.report(iteration, lambda loss=loss: loss)

@@ -79,7 +79,7 @@ class StageRun:
             rates = rates | dict.fromkeys(maps, stage.rate)
             return StageRun(problem, name, light, others | maps, rates, uniform)
         state = {field: getattr(estimate, field) for field in PrimalDual.STATE}
-        solver = PrimalDual(problem.neighbours, problem.target, settings, state)
+        solver = PrimalDual(problem.neighbours, problem.target, settings, state, problem.log_level)
         return StageRun(problem, name, light, others, rates, uniform, solver)
 
     def __getitem__(self, name: str) -> Any:
@@ -134,7 +134,8 @@ class StageRun:
         image = rendered(log_diffuse, log_specular, e, s)
         loss = stage.image * image_l1(image, problem.target, weight)
         loss += smoothness_loss(stage, problem, log_diffuse, log_specular, self._detail)
-        return loss + gloss_loss(problem.settings, self.gloss, log_specular, s, weight)
+        relative, s = log_specular - problem.log_level, s * dr.exp(problem.log_level)
+        return loss + gloss_loss(problem.settings, self.gloss, relative, s, weight)
 
     def loss_after_maps(self, e: Any, s: Any, weight: Any) -> Any:
         """What mesh and normals are to go down of, as a function of the shading E, S.
@@ -195,7 +196,9 @@ def smoothness_loss(
     unit = dr.opaque(mi.Float, scale * problem.camera.width / 512)
     seen = encode(dr.exp(log_diffuse))
     diffuse = stage.diffuse_smoothness * total_variation(seen, problem.neighbours)
-    specular = stage.specular_smoothness * total_variation(log_specular, problem.neighbours)
+    specular = stage.specular_smoothness * total_variation(
+        log_specular - problem.log_level, problem.neighbours
+    )
     diffuse *= settings.diffuse_smoothness_scale
     specular *= settings.specular_smoothness_scale
     return unit * (diffuse + specular)
@@ -204,7 +207,10 @@ def smoothness_loss(
 def gloss_loss(
     settings: Settings, gloss: GlossLevel, log_specular: Any, s: Any, weight: Any
 ) -> Any:
-    """Of two explanations that fit alike, the one with the gloss of plain skin."""
+    """Of two explanations that fit alike, the one with the gloss of plain skin.
+
+    log_specular, s: where regions have levels, what the map has over them, and S times them.
+    """
     return settings.specular_cost * gloss_l1(log_specular, dr.exp(gloss.log[0]), s, weight)
 
 

@@ -50,14 +50,14 @@ def start(problem: Problem) -> Estimate:
     )
 
 
-def _with_one_gloss(estimate: Estimate) -> Estimate:
+def _with_one_gloss(problem: Problem, estimate: Estimate) -> Estimate:
     """Specular albedo at the median of its regions, where stage 2 is to begin.
 
-    So strong is that stage's smoothness that the map ends up with one level.
+    So strong is that stage's smoothness that the map ends up with one level, but for what
+    the settings have between regions of the skin.
     """
-    level = float(np.median(estimate.log_specular.numpy()))
-    count = dr.width(estimate.log_specular)
-    return replace(estimate, log_specular=dr.full(mi.Float, level, count))
+    level = float(np.median((estimate.log_specular - problem.log_level).numpy()))
+    return replace(estimate, log_specular=problem.log_level + dr.opaque(mi.Float, level))
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def run_stages(
     if done < 1:
         estimate = stage1(problem, estimate, shading)
         if settings.solver != "adam":
-            estimate = _with_one_gloss(estimate)
+            estimate = _with_one_gloss(problem, estimate)
         shading = shading.under(refined(estimate))
         estimate = ended("stage1", estimate, shading)
     if done < 2:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..face.reconstruction import Reconstruction
+from ..head.skin_regions import SKIN_REGIONS
 from ..perception.parser import CLASSES
 from ..perception.parser import SIZE as PARSED
 from ..storage.arrays import Kind, check_indices, read_checked
@@ -32,6 +33,7 @@ _ARRAYS = {
     "expression": ("head.motion.expression", Kind(("E",))),
     "head_rotation": ("head.motion.rotation", Kind((3, 3), "<f8")),
     "head_translation": ("head.motion.translation", Kind((3,), "<f8")),
+    "skin_regions": ("head.skin_regions", Kind(("V", len(SKIN_REGIONS)))),
     "diffuse_albedo": ("face.maps.diffuse_albedo", _COLOUR),
     "specular_albedo": ("face.maps.specular_albedo", _SCALAR),
     "roughness": ("face.maps.roughness", _SCALAR),
@@ -54,9 +56,17 @@ _ARRAYS = {
 #: Of a head model that was fitted: all or none, and names of its units besides.
 MOTION = ("unit", "unit_vertex", "unit_displacement", "expression")
 MOTION += ("head_rotation", "head_translation")
-#: Only in results of a fitted head, that the parser was asked for, with a shadow, a sun, a tint.
-_OPTIONAL = (*MOTION, "shares", "shadow_visibility", "shadow_remaining", "shadow_trust")
-_OPTIONAL += ("sun", "tint")
+#: Only in results of a fitted head, that the parser was asked for, with a shadow, a sun, a tint,
+#: of a head with regions of the skin.
+_OPTIONAL = (
+    *MOTION,
+    "skin_regions",
+    "shares",
+    "shadow_visibility",
+    "shadow_remaining",
+    "shadow_trust",
+)
+_OPTIONAL += ("sun", "tint", "skin_regions")
 #: What indexes into arrays of which size, and the lowest index: -1 where the mesh has no landmark.
 _INDEXED = {"triangles": ("V", 0), "triangle_uv": ("T", 0), "fit_landmark_triangle": ("F", -1)}
 _INDEXED |= {"unit": ("E", 0), "unit_vertex": ("V", 0)}

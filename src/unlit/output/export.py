@@ -21,6 +21,7 @@ from ..storage.folder import write_all
 from .geometry import mtl, obj, ply, welded
 from .images import DISPLACEMENT_PNG, exr, png
 from .layout import LARGEST, LAYOUTS, SMALLEST, atlas_size, laid_out
+from .region_map import REGION_MAP, region_map
 from .scalp import SCALPS
 from .textures import EXRS, MAP_FILES, PNGS
 
@@ -125,6 +126,7 @@ def export(
     else:
         for name in formats:
             contents |= FORMATS[name](job)
+        contents |= _regions(job)
     text = _mark(job, [] if only_maps else sorted(formats), size, contents)
     contents[MARK] = text.encode
     writers = told(writers_of(contents), progress)
@@ -228,6 +230,14 @@ def _atlas_pngs(job: ExportJob) -> Contents:
         name: lambda pixels=pixels: png(pixels(job.atlas, job.directx))
         for name, pixels in PNGS.items()
     }
+
+
+def _regions(job: ExportJob) -> Contents:
+    r, part, size = job.reconstruction, job.atlas.part, len(job.atlas.confidence)
+    regions = r.head.skin_regions
+    if regions is None:
+        return {}
+    return {REGION_MAP: lambda: png(region_map(r, regions, part, size))}
 
 
 def _glb(job: ExportJob) -> Contents:

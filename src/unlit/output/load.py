@@ -65,6 +65,7 @@ def load(folder: str | Path) -> Reconstruction:
             kept.landmark_residual,
             kept.head_model,
             _motion_of(arrays, file.units, path),
+            arrays.get("skin_regions"),
         ),
         Conditions(color, kept.light_color, _shadow_of(arrays), arrays.get("tint")),
         Face(

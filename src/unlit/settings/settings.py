@@ -19,6 +19,7 @@ from .conditions import AUTO, CastShadow, KnownExposure, LightColorEstimate, Lig
 from .detail import FineDetail
 from .fit import LandmarkFit, OutlineFit, ShadingFit
 from .ranges import Count, Positive, Share, Weight, converted, expected, is_table
+from .regions import RoughnessByRegion, SpecularByRegion
 from .sun import SunSearch, SunShadow
 from .table1 import TABLE_1, Stage
 from .tint import TintSearch
@@ -27,12 +28,7 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 Group = TypeVar("Group", bound="DataclassInstance")
-Roughness = Annotated[float, Meta(ge=0.02, le=1)]
 Sharpness = Annotated[float, Meta(ge=1e-3, le=1e5)]
-
-#: Beckmann roughness alpha (root-mean-square slope, Weyrich's m) by region. Ours: the paper
-#: follows Weyrich et al. 2006, whose face average is 0.3, without printing its table.
-ROUGHNESS = {"skin": 0.30, "lips": 0.25, "eyes": 0.15, "eyebrows": 0.35, "mouth": 0.15}
 
 #: Kept as the text that the user wrote.
 _REQUESTS = (LightColorRequest, KnownExposure)
@@ -159,12 +155,8 @@ class Settings:
     #: Unit of length, cm, in which the shape's L2 distance is measured.
     shape_unit: Positive = 1.0
 
-    #: Beckmann roughness by region.
-    skin_roughness: Roughness = ROUGHNESS["skin"]
-    lips_roughness: Roughness = ROUGHNESS["lips"]
-    eyes_roughness: Roughness = ROUGHNESS["eyes"]
-    eyebrows_roughness: Roughness = ROUGHNESS["eyebrows"]
-    mouth_roughness: Roughness = ROUGHNESS["mouth"]
+    roughness: RoughnessByRegion = field(default_factory=RoughnessByRegion)
+    specular_level: SpecularByRegion = field(default_factory=SpecularByRegion)
 
     def __post_init__(self) -> None:
         if self.min_sharpness > self.max_sharpness:

@@ -8,7 +8,7 @@ from bumpy_head import bumpy_head, camera, view
 from unlit.evaluate.truth import visible_surface
 from unlit.scene.light import flash, uniform
 from unlit.scene.maps import Maps
-from unlit.settings.settings import ROUGHNESS
+from unlit.settings.regions import RoughnessByRegion
 
 SIZE = 64
 
@@ -31,8 +31,8 @@ def test_paint(skin: str) -> None:
     assert maps.diffuse_albedo.max() < 0.9
     median = np.median(maps.diffuse_albedo.reshape(-1, 3), axis=0)
     assert median == pytest.approx(np.array(SKINS[skin]), rel=0.15)
-    assert maps.roughness.max() == pytest.approx(ROUGHNESS["eyebrows"], abs=0.02)
-    assert np.median(maps.roughness) == pytest.approx(ROUGHNESS["skin"])
+    assert maps.roughness.max() == pytest.approx(RoughnessByRegion().eyebrows, abs=0.02)
+    assert np.median(maps.roughness) == pytest.approx(RoughnessByRegion().skin)
     assert painted(skin).diffuse_albedo == pytest.approx(maps.diffuse_albedo)
 
 

@@ -2,10 +2,12 @@
 
 import dataclasses
 import math
+import re
 import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from dataclasses import fields
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import pytest
@@ -13,7 +15,10 @@ import tomli_w
 from msgspec import Meta
 
 from unlit.errors import SettingsError
+from unlit.head.skin_regions import SKIN_REGIONS
+from unlit.perception.regions import REGIONS
 from unlit.settings.conditions import KnownExposure, LightColorRequest
+from unlit.settings.regions import RoughnessByRegion, SpecularByRegion
 from unlit.settings.settings import PRESETS, Settings, as_dict, flat, override
 from unlit.settings.table1 import TABLE_1
 
@@ -205,3 +210,22 @@ def test_the_import_is_light() -> None:
     code = "import sys, unlit.settings.settings\n"
     code += "assert not {'numpy', 'drjit', 'mitsuba', 'scipy', 'cv2'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_every_region_has_a_roughness_and_skin_a_level() -> None:
+    assert {f.name for f in fields(RoughnessByRegion)} == {*SKIN_REGIONS, *REGIONS}
+    assert tuple(f.name for f in fields(SpecularByRegion)) == SKIN_REGIONS
+    changed = override(Settings(), {"roughness.nose": ".24", "specular_level": {"ears": 2}})
+    assert (changed.roughness.nose, changed.specular_level.ears) == (0.24, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("roughness.nose", 0, "float, 0.02 or more, at most 1"),
+        ("specular_level.chin", 11, "float, 0.05 or more, at most 10"),
+    ],
+)
+def test_what_a_region_cannot_have_is_refused(name: str, value: float, expected: str) -> None:
+    with pytest.raises(SettingsError, match=re.escape(f"{name}={value}: expected {expected}")):
+        override(Settings(), {name: value})
