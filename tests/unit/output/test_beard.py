@@ -107,7 +107,7 @@ def test_a_beard_ends_softly_and_leaves_the_rest():
     for axis in (0, 1):
         assert np.abs(np.diff(np.log(chart[..., 1]), axis=axis)).max() < 0.35
     far = (found.at[:, 1] > 1) | (found.at[:, 2] < -3)
-    far &= found.where(slice(None), "confidence")[:, 0] > 0
+    far &= found.where(np.arange(len(far)), "confidence")[:, 0] > 0
     skin = np.arange(len(far))[far & (found.index < int(0.6 * size) * size)]
     np.testing.assert_allclose(
         found.where(skin, "diffuse_albedo"), np.tile(SKIN, (len(skin), 1)), rtol=0.03
