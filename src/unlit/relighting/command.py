@@ -183,12 +183,16 @@ class _Pictures:
     ) -> None:
         self.frames = frames
         self.warnings: list[str] = []
+        self._warned = False
         self.portrait: Portrait | None = None
         if request.over_photo is not None:
             photo = read_photo(request.over_photo)
             turns = [frame.light for frame in frames]
             self.portrait = Portrait(face, photo, environment, turns)
-            self._behind = background(request.background or PHOTO, face, photo, environment)
+            behind = request.background or PHOTO
+            self._behind = background(behind, face, photo, environment)
+            if behind != PHOTO and self.portrait.guess is not None:
+                self.warnings.append(self.portrait.guess)
 
     def __call__(self, relit: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
         """One picture for each (S, S, 3) of `relit`."""
@@ -198,8 +202,9 @@ class _Pictures:
                 continue
             found = self.portrait(face, number)
             warning = self.portrait.warning(face, number)
-            if warning is not None and not self.warnings:  # one line, also for a video
+            if warning is not None and not self._warned:  # once, also for a video
                 self.warnings.append(warning)
+                self._warned = True
             behind = self._behind(self.frames[number].light)
             yield found.image if behind is None else found.over(behind)
 

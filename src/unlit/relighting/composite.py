@@ -41,6 +41,8 @@ _BORDER = 0.8
 #: Quotients of luminance beyond which a photo's noise or clipped white shows, and the share of the
 #: person from which that is worth a warning.
 _FAR, _MUCH = (1 / 12, 5.0), 0.25
+#: Share of the person, beyond what was looked at, from which that is worth a warning.
+_GUESSED = 0.01
 
 
 def feathered(mask: np.ndarray) -> np.ndarray:
@@ -143,12 +145,25 @@ class Portrait:
             soft, before = self._soft[..., None], photo[part]
             own = np.minimum(self._sure, np.maximum(before, 0) / np.maximum(soft, 1e-6))
             change = own * (changed / np.maximum(self._seen, 1e-6) - 1)
-            image[part] = np.where(soft > 0, before + soft * change, before)
-            person[part] = changed
+            newly = self.person.relit[part][..., None]
+            weight = soft * newly
+            image[part] = np.where(weight > 0, before + weight * change, before)
+            person[part] = self._seen + newly * (changed - self._seen)
         # Beyond the mask the relit face is black, which resampling must not draw in at its rim.
         skin = fill(relit, mask > 0)
         image, person = (crop.paste(skin, x, self._weight) for x in (image, person))
         return Relit(image, person, self._alpha)
+
+    @property
+    def guess(self) -> str | None:
+        """One sentence where the background cannot be replaced everywhere with trust."""
+        if self.person.guessed < _GUESSED:
+            return None
+        return (
+            f"{self.person.guessed:.0%} of the person is so far from the face that only colours "
+            "tell it from the background: check the outline there, or crop the photo to head and "
+            "shoulders before its reconstruction"
+        )
 
     def far(self, relit: np.ndarray, frame: int = 0) -> float:
         """Share of the person whose quotient is so far from 1 that the photo hardly serves."""

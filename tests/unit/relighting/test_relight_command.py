@@ -83,7 +83,7 @@ def test_over_photo(
     alpha = (np.hypot(place[0] - middle, place[1] - middle) < 0.6 * SIZE).astype(np.float32)
     square = saved.face.photo.crop
     shares = np.zeros((SIZE, SIZE), np.float32)
-    person = Person(alpha, square, 2.0, shares, shares)
+    person = Person(alpha, np.ones_like(alpha), square, 2.0, shares, shares)
     monkeypatch.setattr(composite, "find_person", lambda *_: person)
     plain, over = tmp_path / "plain.exr", tmp_path / f"over.{ending}"
     order = (saved.result, "--light", "side", "--fast")
