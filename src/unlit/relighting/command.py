@@ -245,6 +245,9 @@ class _Pictures:
         if suffix == ".exr":
             return exr
         encoder = StillEncoder(None if self.portrait is None else self.portrait.photo.tags)
+        lost = encoder.warning(suffix)
+        if lost is not None:
+            self.warnings.append(lost)
         return encoder.png if suffix == ".png" else encoder.jpeg
 
 
