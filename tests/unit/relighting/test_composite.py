@@ -47,7 +47,7 @@ def test_small_faces() -> None:
 
 def test_the_tint_goes_on_beyond_the_face() -> None:
     """A face with an orange half: the neck below has one, too; on the face nothing changes."""
-    tint = np.where(COLUMNS[..., None] < 60, np.float32((0.4, 0, -0.4)), np.float32(0))
+    tint = np.where(COLUMNS[..., None] < 60, (0.4, 0.0, -0.4), 0.0)
     mask = (np.hypot(ROWS - 60, COLUMNS - 60) < 40).astype(np.float32)
     tint = tint * mask[..., None]
     eye = Crop(np.array([[1.0, 0, 0], [0, 1.0, 0]]), SIZE)

@@ -99,7 +99,7 @@ def test_a_person_far_from_the_face_is_a_person_still(
     photo, true = figure
     ys, xs = np.mgrid[:SIZE, :SIZE] + 0.5
     true = true | ((ys > 110) & (np.abs(xs - 120) < 40))  # a body down to the photo's edge
-    pixels = np.where(true[..., None], np.float32((0.5, 0.1, 0.1)), photo.pixels)
+    pixels = np.where(true[..., None], (0.5, 0.1, 0.1), photo.pixels).astype(np.float32)
     monkeypatch.setattr(person, "_REACH", 1.2)
     crop = Crop(np.array([[1.0, 0, -60.0], [0, 1.0, -50.0]]), 120)
     found = find_person(Photo.of(pixels), crop, crop.points(np.array([[0.0, 0.0], [1.0, 0.0]])))
