@@ -49,6 +49,14 @@ CALIBRATION = 10 / (0.65 * 0.1812)
 # In diagonals of the photo: equivalents of 9 to 300 mm. Others are wrong entries, such as those of
 # a picture that was reduced with its sensor resolution left as it was.
 _FOCAL_RANGE = (0.2, 7.0)
+_BASE = ExifTags.Base
+_EXPOSURE, _PLACE = ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo
+#: Entries of EXIF's main directory that tell of the picture, not of the file's structure.
+_ABOUT = (
+    *(_BASE.ImageDescription, _BASE.Make, _BASE.Model, _BASE.Software, _BASE.DateTime),
+    *(_BASE.Artist, _BASE.HostComputer, _BASE.Copyright),
+    *(_BASE.XResolution, _BASE.YResolution, _BASE.ResolutionUnit),
+)
 _BY_PROFILE = "ICC profile"
 # Rows converted at a time, so that temporaries stay small beside the photo.
 _ROWS = 256
@@ -58,8 +66,9 @@ _ROWS = 256
 class FileTags:
     """What a picture made from a photo's file should carry on.
 
-    icc: the profile that its colours were read by, if it is made of curves and a matrix. exif: its
-    EXIF block as it stood, b"" if none. deep: whether it has more than 8 bits a channel.
+    icc: the profile that its colours were read by, if it is made of curves and a matrix. exif: what
+    `camera_entries` keeps of its EXIF block, b"" if nothing. deep: whether it has more than 8 bits
+    a channel.
     """
 
     icc: bytes | None
@@ -171,8 +180,7 @@ def _upright_photo(decoded: Decoded, source: str) -> Photo:
     pixels = _upright(pixels, decoded.orientation)
     focal = focal_from_exif(decoded.exif, pixels.shape[1], pixels.shape[0])
     profile = decoded.icc if colours == _BY_PROFILE else None
-    exif = decoded.exif.tobytes() if len(decoded.exif) else b""
-    tags = FileTags(profile, exif, decoded.white > 0xFF)
+    tags = FileTags(profile, camera_entries(decoded.exif), decoded.white > 0xFF)
     luminance = white_luminance_from_exif(decoded.exif)
     return Photo(pixels, alpha, focal, source, colours, luminance, tags)
 
@@ -294,6 +302,29 @@ def focal_from_exif(exif: Image.Exif, width: int, height: int) -> float | None:
         scale = long_side / taken_long if taken_long else 1.0
         focal = _number(tags, base.FocalLength) * pixels_per_mm * scale
     return focal if _FOCAL_RANGE[0] < focal / diagonal < _FOCAL_RANGE[1] else None
+
+
+def camera_entries(exif: Image.Exif) -> bytes:
+    """An EXIF block of what `exif` says about camera, place, author and print size; b"" if nothing.
+
+    Not of how the file is built: a TIFF's entries are its strips, layers and profile, too.
+    """
+    kept = Image.Exif()
+    for tag in _ABOUT:
+        if tag in exif:
+            kept[tag] = exif[tag]
+    exposure, place = (dict(exif.get_ifd(ifd)) for ifd in (_EXPOSURE, _PLACE))
+    if ExifTags.IFD.Interop in exposure:  # an offset in the old file
+        exposure[ExifTags.IFD.Interop] = dict(exif.get_ifd(ExifTags.IFD.Interop))
+    for ifd, entries in ((_EXPOSURE, exposure), (_PLACE, place)):
+        if entries:
+            kept.get_ifd(ifd).update(entries)
+    if not (len(kept) or exposure or place):
+        return b""
+    try:
+        return kept.tobytes()
+    except _DAMAGED:  # entries that cannot be written are no reason to refuse a photo
+        return b""
 
 
 def white_luminance_from_exif(exif: Image.Exif) -> float | None:

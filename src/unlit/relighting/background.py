@@ -23,11 +23,19 @@ Background = Callable[[float], np.ndarray | None]
 
 
 def colour_of(text: str) -> np.ndarray | None:
-    """(3,) linear sRGB of a CSS colour ("#808080", "navy"); None if `text` is none."""
+    """(3,) linear sRGB of a CSS colour ("#808080", "navy"); None if `text` is none.
+
+    Raises SettingsError for one with an alpha.
+    """
     try:
-        return decode_srgb(np.array(ImageColor.getrgb(text)[:3], np.float32) / 255)
+        encoded = ImageColor.getrgb(text)
     except ValueError:
         return None
+    if len(encoded) > 3:
+        raise SettingsError(
+            f"{text}: a colour with an alpha; give an opaque one, such as '#808080'", "background"
+        )
+    return decode_srgb(np.array(encoded, np.float32) / 255)
 
 
 def check_background(text: str) -> None:
@@ -65,7 +73,10 @@ def filling(picture: np.ndarray, width: int, height: int) -> np.ndarray:
     """(height, width, 3): the middle of a picture, scaled until it leaves nothing free."""
     rows, columns = picture.shape[:2]
     scale = max(width / columns, height / rows)
-    taken = (min(round(width / scale), columns), min(round(height / scale), rows))
+    taken = (
+        min(max(round(width / scale), 1), columns),
+        min(max(round(height / scale), 1), rows),
+    )
     left, top = (columns - taken[0]) // 2, (rows - taken[1]) // 2
     part = np.ascontiguousarray(picture[top : top + taken[1], left : left + taken[0]])
     how = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR

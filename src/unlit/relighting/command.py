@@ -32,9 +32,20 @@ SAMPLES, VIDEO_SAMPLES = 128, 32
 FRAMES, FPS = 75, 25
 _MAX_SAMPLES, _MAX_FRAMES, _MAX_FPS, _MAX_STOPS = 65536, 3600, 50, 20.0
 _MAX_SIDE = 4096
-#: Where the number stands in the names of a sequence.
-_NUMBER = re.compile(r"%0?\d*d")
+#: The number in the names of a sequence, which stands right before the ending.
+_NUMBER = re.compile(r"%0[1-9]d")
 _ENDINGS = "give a .png, .jpg, .exr, .mp4 or .gif file, or numbered pictures such as out_%04d.png"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """frames: what is rendered. samples: of each pixel; None: fast. files: what `path` becomes, one
+    for each frame of a sequence, none for passes only.
+    """
+
+    frames: list[Frame]
+    samples: int | None
+    files: list[Path]
 
 
 @dataclass(frozen=True)
@@ -59,13 +70,15 @@ class RelightRequest:
     background: str | None = None
     passes: Path | None = None
 
-    def plan(self, path: Path | None) -> tuple[list[Frame], int | None]:
-        """The frames, and the samples (None: fast), for a file or sequence; None: passes only.
+    def plan(self, path: Path | None) -> Plan:
+        """What is to be made for a file or sequence; None: passes only.
 
         Raises SettingsError for values out of range and choices that do not go together.
         """
+        if path is None:
+            self._check_passes_only()
         suffix = ".exr" if path is None else path.suffix.lower()
-        sequence = path is not None and bool(_NUMBER.search(path.name))
+        sequence = path is not None and _is_sequence(path)
         if suffix not in (*STILLS, *VIDEOS) or (sequence and suffix in VIDEOS):
             raise SettingsError(f"{suffix or 'no ending'}: {_ENDINGS}")
         video = suffix in VIDEOS or sequence
@@ -93,23 +106,45 @@ class RelightRequest:
         angle = 0.0 if self.rotate is None or self.rotate == SWEEP else float(self.rotate)
         _check("rotate", angle, -360, 360)
         samples = None if self.fast else self.samples or (VIDEO_SAMPLES if video else SAMPLES)
+        frames = self._moves(angle) if video else [Frame(angle)]
+        files = [] if path is None else [path]
+        if path is not None and sequence:
+            files = [path.with_name(numbered(path.name, k + 1)) for k in range(len(frames))]
+        return Plan(frames, samples, files)
+
+    def _moves(self, angle: float) -> list[Frame]:
+        """The frames of a video."""
         count = self.frames or FRAMES
-        if not video:
-            return [Frame(angle)], samples
         if self.turntable is None:
             if self.rotate not in (None, SWEEP):
                 raise SettingsError("an angle holds the light still; use a sweep", "rotate")
-            return sweep(count), samples
+            return sweep(count)
         _check("turntable", self.turntable, 1, 360)
         if self.rotate == SWEEP or self.over_photo is not None:
             other = "a sweep" if self.rotate == SWEEP else "over_photo"
             raise SettingsError(f"turntable and {other} do not go together; leave one out")
-        return turntable(count, self.turntable, angle), samples
+        return turntable(count, self.turntable, angle)
+
+    def _check_passes_only(self) -> None:
+        """Passes come from the transport renderer, as with `fast`, and have no background."""
+        if self.passes is None:
+            raise SettingsError("nothing to write: give a file, or passes", "output")
+        for name in ("samples", "background"):
+            if getattr(self, name) is not None:
+                raise SettingsError(f"{name} has no use with passes alone; leave it out", name)
 
 
 def _check(name: str, value: float | None, low: float, high: float) -> None:
     if value is not None and not (math.isfinite(value) and low <= value <= high):
         raise SettingsError(f"{name} {value:g}: choose {low:g} to {high:g}", name)
+
+
+def _is_sequence(path: Path) -> bool:
+    """Whether the file's name asks for numbered pictures. Raises SettingsError where it is odd."""
+    numbers = list(_NUMBER.finditer(path.name))
+    if numbers and (len(numbers) > 1 or numbers[0].end() != len(path.stem)):
+        raise SettingsError(f"{path.name}: one number, right before the ending: out_%04d.png")
+    return bool(numbers)
 
 
 def numbered(pattern: str, number: int) -> str:
@@ -133,16 +168,14 @@ def relight(
     path: also the pattern of a sequence's names, which then appear all at once; None for passes
     only. Raises SettingsError, PictureError, PhotoError, OutputError or MachineError.
     """
-    frames, samples = request.plan(path)
-    if path is None and request.passes is None:
-        raise SettingsError("nothing to write: give a file, or passes", "output")
+    plan = request.plan(path)
+    frames, samples = plan.frames, plan.samples
     suffix = ".exr" if path is None else path.suffix.lower()
     if suffix == ".mp4":
         need_encoder()
-    targets = [target for target in (path, request.passes) if target is not None]
-    for target in targets:
-        _spare_inputs(folder, target, request)
-        ensure_writable(target)
+    targets = plan.files + ([] if request.passes is None else [request.passes])
+    _spare_inputs(folder, targets, request)
+    ensure_writable(*targets)
     face = load(folder)
     environment = requested_light(request.light, face.light.environment)
     environment = environment * np.float32(2**request.brightness)
@@ -154,13 +187,12 @@ def relight(
             _check_size(request, pictures.portrait)
         shown = pictures(rendered_frames(face, environment, frames, samples, progress))
         if len(frames) > 1 and suffix not in VIDEOS:
-            names = [numbered(path.name, k + 1) for k in range(len(frames))]
+            names = [file.name for file in plan.files]
             write = pictures.still(suffix)
             write_several(path.parent, zip(names, map(write, shown), strict=True))
-            written += [path.parent / name for name in names]
         else:
             write_one(path, _content(suffix, pictures, shown, request.fps or FPS))
-            written.append(path)
+        written += plan.files
         warnings = pictures.warnings
     if request.passes is not None:
         progress("passes", 99, 100)
@@ -183,12 +215,16 @@ class _Pictures:
     ) -> None:
         self.frames = frames
         self.warnings: list[str] = []
+        self._warned = False
         self.portrait: Portrait | None = None
         if request.over_photo is not None:
             photo = read_photo(request.over_photo)
             turns = [frame.light for frame in frames]
             self.portrait = Portrait(face, photo, environment, turns)
-            self._behind = background(request.background or PHOTO, face, photo, environment)
+            behind = request.background or PHOTO
+            self._behind = background(behind, face, photo, environment)
+            if behind != PHOTO and self.portrait.guess is not None:
+                self.warnings.append(self.portrait.guess)
 
     def __call__(self, relit: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
         """One picture for each (S, S, 3) of `relit`."""
@@ -198,8 +234,9 @@ class _Pictures:
                 continue
             found = self.portrait(face, number)
             warning = self.portrait.warning(face, number)
-            if warning is not None and not self.warnings:  # one line, also for a video
+            if warning is not None and not self._warned:  # once, also for a video
                 self.warnings.append(warning)
+                self._warned = True
             behind = self._behind(self.frames[number].light)
             yield found.image if behind is None else found.over(behind)
 
@@ -208,6 +245,9 @@ class _Pictures:
         if suffix == ".exr":
             return exr
         encoder = StillEncoder(None if self.portrait is None else self.portrait.photo.tags)
+        lost = encoder.warning(suffix)
+        if lost is not None:
+            self.warnings.append(lost)
         return encoder.png if suffix == ".png" else encoder.jpeg
 
 
@@ -228,13 +268,17 @@ def _check_size(request: RelightRequest, portrait: Portrait) -> None:
         )
 
 
-def _spare_inputs(folder: Path, path: Path, request: RelightRequest) -> None:
-    """Refuse to write over the photo, the light, or a file of the result."""
+def _spare_inputs(folder: Path, targets: list[Path], request: RelightRequest) -> None:
+    """Refuse to write over the photo, the light, a file of the result, or what is written, too."""
     inputs = {folder / name for name in RESULT_FILES}
     names = (request.light, request.over_photo, request.background)
     inputs |= {Path(name) for name in names if name is not None}
-    if path.resolve() in {file.resolve() for file in inputs}:
-        raise SettingsError(f"{path}: is an input or a file of the result; choose another name")
+    taken = {file.resolve() for file in inputs}
+    for path in targets:
+        if path.resolve() in taken:
+            raise SettingsError(f"{path}: is an input or a file of the result; choose another name")
+    if len({path.resolve() for path in targets}) < len(targets):
+        raise SettingsError(f"{request.passes}: picture and passes are two files; name two")
 
 
 _FILES: dict[str, Callable[[Iterator[np.ndarray], int], bytes]] = {".mp4": mp4, ".gif": gif}

@@ -22,7 +22,7 @@ from ..photo.crop import Crop
 from ..photo.photo import Photo
 from ..scene.maps import fill
 from .body import GRID, Body, inflated
-from .person import Person, find_person, pasted
+from .person import Person, find_person, pasted, resampled
 from .quotient import BodyUnderLight, Quotient, SkinMatch
 
 #: Greatest root-mean-square difference, sRGB-encoded, of the photo's crop from the one that the
@@ -38,9 +38,13 @@ _STRAND, _DAMPING = 1.2, 0.7
 _WISPS = 0.6
 #: cm over which the colours of person and background are told apart at a soft border.
 _BORDER = 0.8
+#: cm: blur of the light's tint, which only the face tells, over the rest of the person.
+_EVENED = 2.0
 #: Quotients of luminance beyond which a photo's noise or clipped white shows, and the share of the
 #: person from which that is worth a warning.
 _FAR, _MUCH = (1 / 12, 5.0), 0.25
+#: Share of the person, beyond what was looked at, from which that is worth a warning.
+_GUESSED = 0.01
 
 
 def feathered(mask: np.ndarray) -> np.ndarray:
@@ -143,12 +147,25 @@ class Portrait:
             soft, before = self._soft[..., None], photo[part]
             own = np.minimum(self._sure, np.maximum(before, 0) / np.maximum(soft, 1e-6))
             change = own * (changed / np.maximum(self._seen, 1e-6) - 1)
-            image[part] = np.where(soft > 0, before + soft * change, before)
-            person[part] = changed
+            newly = self.person.relit[part][..., None]
+            weight = soft * newly
+            image[part] = np.where(weight > 0, before + weight * change, before)
+            person[part] = self._seen + newly * (changed - self._seen)
         # Beyond the mask the relit face is black, which resampling must not draw in at its rim.
         skin = fill(relit, mask > 0)
         image, person = (crop.paste(skin, x, self._weight) for x in (image, person))
         return Relit(image, person, self._alpha)
+
+    @property
+    def guess(self) -> str | None:
+        """One sentence where the background cannot be replaced everywhere with trust."""
+        if self.person.guessed < _GUESSED:
+            return None
+        return (
+            f"{self.person.guessed:.0%} of the person is so far from the face that only colours "
+            "tell it from the background: check the outline there, or crop the photo to head and "
+            "shoulders before its reconstruction"
+        )
 
     def far(self, relit: np.ndarray, frame: int = 0) -> float:
         """Share of the person whose quotient is so far from 1 that the photo hardly serves."""
@@ -191,9 +208,9 @@ class Portrait:
 
     @property
     def _remaining(self) -> np.ndarray:
-        """(S, S, 3): what a shadow on the skin, which goes with its light, leaves of the photo."""
-        shadow = self.face.conditions.shadow
-        return np.ones_like(self.face.photo.image) if shadow is None else shadow.remaining
+        """(S, S, 3): what shadow and tint on the skin, which go with their light, leave of it."""
+        remaining = self.face.conditions.remaining()
+        return np.ones_like(self.face.photo.image) if remaining is None else remaining
 
     @cached_property
     def _weight(self) -> np.ndarray:
@@ -270,14 +287,19 @@ class Portrait:
 
     @cached_property
     def _own(self) -> np.ndarray:
-        """(h, w, 3): the same without a shadow on the skin."""
-        if self.face.conditions.shadow is None:
-            return self._seen
-        everywhere = np.ones_like(self.photo.pixels)
-        crop = self.face.photo.crop
-        return (
-            self._seen / crop.paste(self._remaining, everywhere, self.face.face.mask)[self._window]
-        )
+        """(h, w, 3): the same without a shadow on the skin, and without the light's tint."""
+        conditions, mask = self.face.conditions, self.face.face.mask
+        own = self._seen
+        if conditions.shadow is not None:
+            everywhere = np.ones_like(self.photo.pixels)
+            shadow = self.face.photo.crop.paste(conditions.shadow.remaining, everywhere, mask)
+            own = own / shadow[self._window]
+        if conditions.tint is not None:
+            square = self.person.square
+            reach = _EVENED * self._pixels_per_cm * square.scale
+            log_tint = continued(np.log(conditions.tint), mask, self.face.photo.crop, square, reach)
+            own = own / np.exp(pasted(log_tint, square, self.photo)[self._window])
+        return own
 
     def _damped(self, kept: np.ndarray) -> np.ndarray:
         """(h, w, 3): `_own` without those highlights of hair whose light has gone.
@@ -297,6 +319,25 @@ class Portrait:
         # The mean stays: the new light makes highlights elsewhere.
         made_up = level / np.maximum(_twice(cv2.blur, bright * left * hair, size) / amount, 1e-4)
         return self._own * (1 + hair * (left * made_up - 1))[..., None]
+
+
+def continued(
+    values: np.ndarray, mask: np.ndarray, crop: Crop, square: Crop, reach: float
+) -> np.ndarray:
+    """(N, N, 3): smooth `values` (S, S, 3) of the face, mask (S, S), over all of `square`.
+
+    Beyond the face the nearest, blurred by `reach` pixels of the square.
+    """
+    known = resampled(mask, crop, square) > 0.5
+    near = fill(resampled(values, crop, square), known)
+
+    def blurred(image: np.ndarray, sigma: float) -> np.ndarray:
+        sigma = max(sigma, 0.5)
+        return cv2.GaussianBlur(image, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
+
+    share = np.clip(2 * blurred(known.astype(np.float32), reach / 2), 0, 1)[..., None]
+    wide = blurred(near, reach)
+    return wide + share * (near - wide)
 
 
 def _twice(

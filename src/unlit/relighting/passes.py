@@ -27,6 +27,8 @@ from ..photo.photo import Photo
 from ..render.relighter import FaceUnderLight, Relighter
 from .composite import check_same
 
+#: Of the light's mean radiance, a surface that gets less than so much faces no light.
+_FACED = 1e-5
 #: Layers of colours and of vectors, and the names of their channels.
 _CHANNELS = {1: "Y", 3: "RGB"}
 
@@ -81,20 +83,25 @@ def passes(
         "albedo": maps.diffuse_albedo * inside[..., None],
         "specular_albedo": maps.specular_albedo * inside,
         "roughness": maps.roughness * inside,
-        "visibility": image(_visibility(under)),
+        "visibility": image(_visibility(under, environment)),
         "normal": face.face.normals.specular * inside[..., None],
         "depth": image(-relighter.points.position.numpy().T[:, 2]),
         "mask": mask * inside,
     }
 
 
-def _visibility(under: FaceUnderLight) -> np.ndarray:
-    """(P,) in [0, 1]; 0 where the surface is turned away from all light."""
+def _visibility(under: FaceUnderLight, environment: np.ndarray) -> np.ndarray:
+    """(P,) in [0, 1]; 0 where the surface is turned away from all light of (H, W[, 3])."""
     shares = []
     for e in (under.shading(0).diffuse[0], under.unshadowed(0)):
         shares.append(luminance(e * np.ones(3, np.float32)))
     direct, every = shares
-    return np.clip(direct / np.maximum(every, 1e-9), 0, 1) * (every > 1e-6)
+    light = environment if environment.ndim == 3 else environment[..., None]
+    rows = len(light)
+    weight = np.sin((np.arange(rows) + 0.5) * (np.pi / rows))  # the solid angle of a row's pixels
+    by_row = luminance(light * np.ones(3, np.float32)).mean(axis=1)
+    floor = max(_FACED * float(np.average(by_row, weights=weight)), 1e-30)
+    return np.where(every > floor, np.clip(direct / np.maximum(every, floor), 0, 1), 0)
 
 
 def _letters(name: str, count: int) -> str:

@@ -29,8 +29,9 @@ _EDGE = 0.05  # of the crop's side: nearer to the photo's edge the parser is not
 _FADE = 0.06  # of a square's side, over which its word gives way to the wider one's
 #: Side of the square around the face that is looked at, of the crop's, and its pixels at most.
 _REACH, _PIXELS = 4.0, 448
-#: Where a person goes on beyond that square, over how much of it the new light ends.
-_ENDING = 0.2
+#: Where a person goes on beyond that square, over how much of it the new light ends, and over how
+#: much its outline becomes that which colours draw in the whole photo.
+_ENDING, _SEAM = 0.2, 0.05
 _SURE = (0.08, 0.92)  # shares below and above which the parser's word stands
 _ROUNDS = 3
 #: Radius of the guided filter, of the crop's side, and the variance of sRGB values that is no edge.
@@ -44,16 +45,20 @@ _CLOSE = ("skin", "lips", "eyes", "eyebrows", "mouth", "beard", "frame", "tinted
 class Person:
     """A person in a photo of H x W pixels, float32 in [0, 1].
 
-    alpha: (H, W), the share of each pixel that is the person, and is to be relit. square: what was
-    looked at, a square `side` times as wide as the face's crop; hair, head: (N, N), how far its
-    pixels are hair or beard, and how far they are the head itself or what lies closely on it.
+    alpha: (H, W), the share of each pixel that is the person. relit: (H, W), the weight of the new
+    light there, which ends softly where the person goes on beyond `square`: what was looked at,
+    `side` times as wide as the face's crop. hair, head: (N, N), how far the square's pixels are
+    hair or beard, and how far they are the head itself or what lies closely on it. guessed: the
+    share of the person that lies beyond the square, where only colours tell it.
     """
 
     alpha: np.ndarray
+    relit: np.ndarray
     square: Crop
     side: float
     hair: np.ndarray
     head: np.ndarray
+    guessed: float = 0.0
 
 
 def around(crop: Crop, side: float, resolution: int) -> Crop:
@@ -94,25 +99,58 @@ def find_person(photo: Photo, crop: Crop, landmarks: np.ndarray) -> Person:
     points = crop.inverse_points(landmarks[:, :2])
     middle = crop.inverse_points(np.full(2, crop.resolution / 2))
     reach = 2 * np.abs(np.concatenate([middle, (width, height) - middle])).max()
-    side = float(np.clip(reach / (crop.resolution / crop.scale), 1.0, _REACH))
+    everything = max(reach / (crop.resolution / crop.scale), 1.0)
+    side = min(everything, _REACH)
     whole = around(crop, side, _PIXELS)
     shares, asked = _shares(photo, crop, points, whole)
-    encoded = np.clip(encode_srgb(whole.image(photo.pixels)), 0, 1)
-    inside = whole.inside(width, height)
-    found = _cut_out(encoded, 1 - shares[..., 0], inside, asked)
     radius = max(_RADIUS * _PIXELS / side, 1.0)
-    alpha = _at_full_size(_guided(encoded, found, radius), whole, photo)
-    low, high = _LEVELS
-    alpha = np.clip((alpha - low) / (high - low), 0, 1)
-    alpha = alpha * pasted(_ending(whole, width, height), whole, photo)
+    share = 1 - shares[..., 0]
+    alpha, found = _matte(photo, points, whole, share, asked, radius)
+    relit, guessed = np.ones_like(alpha), 0.0
+    if everything > side:
+        wide = around(crop, everything, _PIXELS)
+        near = _within(_corners(wide, whole), 1.0, _PIXELS)
+        share = fill(resampled(found, whole, wide), near)
+        beyond, _ = _matte(photo, points, wide, share, near, 1.0)
+        near_rim = pasted(_ending(whole, width, height, _SEAM), whole, photo)
+        alpha = beyond + near_rim * (alpha - beyond)
+        relit = pasted(_ending(whole, width, height, _ENDING), whole, photo)
+        outside = pasted(np.ones_like(found), whole, photo) == 0
+        guessed = float((alpha * outside).sum() / max(alpha.sum(), 1e-6))
     if photo.alpha is not None:
         alpha = np.minimum(alpha, photo.alpha)
 
-    def share(names: tuple[str, ...]) -> np.ndarray:
-        found = shares[..., [CLASSES.index(name) for name in names]].sum(axis=-1)
-        return np.clip(feather(found, radius / 2), 0, 1)
+    def of(names: tuple[str, ...]) -> np.ndarray:
+        total = shares[..., [CLASSES.index(name) for name in names]].sum(axis=-1)
+        return np.clip(feather(total, radius / 2), 0, 1)
 
-    return Person(alpha.astype(np.float32), whole, side, share(_HAIR), share(_CLOSE))
+    return Person(
+        alpha.astype(np.float32), relit, whole, float(side), of(_HAIR), of(_CLOSE), guessed
+    )
+
+
+def _matte(
+    photo: Photo,
+    points: np.ndarray,
+    square: Crop,
+    share: np.ndarray,
+    asked: np.ndarray,
+    radius: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W): how far pixels are the person, 0 beyond `square`; (N, N), 1 on the person, there.
+
+    share: (N, N), the parser's; asked: (N, N) bool, where it is more than the nearest one's.
+    points: the landmarks (478, 2), pixels of the photo. radius: of the guided filter, pixels.
+    """
+    height, width = photo.pixels.shape[:2]
+    encoded = np.clip(encode_srgb(square.image(photo.pixels)), 0, 1)
+    face = np.zeros(share.shape, np.uint8)
+    outline = np.rint(square.points(points)).astype(np.int32)
+    cv2.fillConvexPoly(face, cv2.convexHull(outline), 1)
+    found = _cut_out(encoded, share, square.inside(width, height), asked, face > 0)
+    alpha = _at_full_size(_guided(encoded, found, radius), square, photo)
+    low, high = _LEVELS
+    return np.clip((alpha - low) / (high - low), 0, 1), found
 
 
 def _shares(
@@ -143,21 +181,30 @@ def _shares(
     corners = whole.points(np.array([[0, 0], [width, height]]))
     known = _within(corners, margin, whole.resolution)
     widest = around(crop, _VIEWS[0][0], SIZE)
-    corners = whole.points(widest.inverse_points(np.array([[0, 0], [SIZE, SIZE]])))
+    corners = _corners(whole, widest)
     # Its rim has faded to the background that the sum began with.
     asked = _within(corners, 1.3 * _FADE * _VIEWS[0][0] / _EDGE * margin, whole.resolution)
     return fill(total, known & asked), asked
 
 
-def _ending(whole: Crop, width: int, height: int) -> np.ndarray:
-    """(N, N) float32: 1, and 0 at those rims of `whole` beyond which the photo goes on."""
+def _corners(square: Crop, other: Crop) -> np.ndarray:
+    """(2, 2): the corners of `other` in pixels of `square`."""
+    corners = np.array([[0, 0], [other.resolution, other.resolution]])
+    return square.points(other.inverse_points(corners))
+
+
+def _ending(whole: Crop, width: int, height: int, reach: float) -> np.ndarray:
+    """(N, N) float32: 1, and 0 at those rims of `whole` beyond which the photo goes on.
+
+    reach: over how much of the square it falls.
+    """
     place = np.arange(whole.resolution) + 0.5
     (left, top), (right, bottom) = whole.points(np.array([[0, 0], [width, height]]))
 
     def ramp(low: float, high: float) -> np.ndarray:
         to_low = place if low < 0 else np.inf
         to_high = whole.resolution - place if high > whole.resolution else np.inf
-        near = np.minimum(to_low, to_high) / (_ENDING * whole.resolution)
+        near = np.minimum(to_low, to_high) / (reach * whole.resolution)
         return np.clip(np.broadcast_to(near, place.shape), 0, 1)
 
     share = ramp(top, bottom)[:, None] * ramp(left, right)
@@ -174,11 +221,16 @@ def _within(corners: np.ndarray, margin: float, size: int) -> np.ndarray:
 
 
 def _cut_out(
-    encoded: np.ndarray, share: np.ndarray, inside: np.ndarray, asked: np.ndarray
+    encoded: np.ndarray,
+    share: np.ndarray,
+    inside: np.ndarray,
+    asked: np.ndarray,
+    face: np.ndarray,
 ) -> np.ndarray:
     """(N, N) float32, 1 on the person: what the parser's `share` (N, N) and the colours say.
 
-    Beyond the photo, `inside` (N, N) bool, the nearest pixel's.
+    face: (N, N) bool, what the landmarks enclose. Beyond the photo, `inside` (N, N) bool, the
+    nearest pixel's.
     """
     rows, columns = (np.flatnonzero(inside.any(axis=k)) for k in (1, 0))
     part = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
@@ -196,18 +248,21 @@ def _cut_out(
         models = (np.zeros((1, 65)), np.zeros((1, 65)))
         picture = np.ascontiguousarray(picture)
         cv2.grabCut(picture, label, None, *models, _ROUNDS, cv2.GC_INIT_WITH_MASK)  # type: ignore[call-overload]
-        person = _whole((label & 1) == 1)
+        person = _whole((label & 1) == 1, face[part])
     padding = [(s.start, len(inside) - s.stop) for s in part]
     return np.pad(person, padding, mode="edge").astype(np.float32)
 
 
-def _whole(person: np.ndarray) -> np.ndarray:
-    """(h, w) bool: the largest piece of `person`, without small holes."""
+def _whole(person: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """(h, w) bool: the piece of `person` with most of the face, without small holes.
+
+    Of pieces with none of it, the largest.
+    """
     _, parts, table, _ = cv2.connectedComponentsWithStats(person.astype(np.uint8))
     if len(table) < 2:
         return person
-    largest = 1 + int(np.argmax(table[1:, cv2.CC_STAT_AREA]))
-    person = parts == largest
+    of_face = np.bincount(parts[face], minlength=len(table))[1:]
+    person = parts == 1 + int(np.lexsort((table[1:, cv2.CC_STAT_AREA], of_face))[-1])
     holes = ~person & np.asarray(ndimage.binary_fill_holes(person))
     _, parts, table, _ = cv2.connectedComponentsWithStats(holes.astype(np.uint8))
     small = np.flatnonzero(table[:, cv2.CC_STAT_AREA] < 1e-3 * person.size)

@@ -22,6 +22,7 @@ from ..photo.photo import FileTags
 _LEVELS = 1 << 16
 _SRGB = 1  # of the EXIF entry ColorSpace
 _QUALITY = 95
+_JPEG_EXIF = 65533  # bytes of a JPEG file's EXIF block at most
 PLAIN = FileTags(None, b"", False)
 
 
@@ -69,11 +70,21 @@ class StillEncoder:
         """A JPEG file of linear sRGB (H, W, 3)."""
         return self._saved(linear, "JPEG", quality=_QUALITY, subsampling=0)
 
+    def warning(self, suffix: str) -> str | None:
+        """One sentence where a file of that ending cannot carry on all that the photo's does."""
+        if suffix not in (".jpg", ".jpeg") or len(self._exif) <= _JPEG_EXIF:
+            return None
+        return (
+            f"the photo's EXIF block, {len(self._exif) >> 10} kB, is left out: a JPEG file holds "
+            f"{_JPEG_EXIF >> 10}; write a .png to keep it"
+        )
+
     def _saved(self, linear: np.ndarray, kind: str, **options: int) -> bytes:
         pixels = np.rint(255 * self.encoded(linear)).astype(np.uint8)
         stream = io.BytesIO()
         # An empty profile is left out, as is an empty EXIF block.
-        tags = {"icc_profile": self._icc, "exif": self._exif}
+        exif = self._exif if kind != "JPEG" or len(self._exif) <= _JPEG_EXIF else b""
+        tags = {"icc_profile": self._icc, "exif": exif}
         given = {name: value for name, value in tags.items() if value}
         Image.fromarray(pixels).save(stream, kind, **given, **options)
         return stream.getvalue()

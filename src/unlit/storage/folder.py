@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
 import shutil
 import signal
 import tempfile
@@ -107,14 +108,20 @@ def write_all(
                 (folder / _MOVING).unlink()
 
 
-def ensure_writable(path: Path) -> None:
-    """Make sure, before minutes of work: `path` can be written. Raises OutputError."""
-    if not path.parent.is_dir():
-        raise OutputError(f"{path.parent}: no such folder; make it, or choose another")
-    if path.is_dir():
-        raise OutputError(f"{path}: a folder; give the name of a file")
-    with _explained(path.parent):
-        _staging(path.parent).cleanup()
+def ensure_writable(*paths: Path) -> None:
+    """Make sure, before minutes of work: files `paths` can be written. Raises OutputError."""
+    for folder in dict.fromkeys(path.parent for path in paths):
+        if not folder.is_dir():
+            raise OutputError(f"{folder}: no such folder; make it, or choose another")
+        with _explained(folder):
+            _staging(folder).cleanup()
+    _refuse_folders(paths)
+
+
+def _refuse_folders(paths: Iterable[Path]) -> None:
+    for path in paths:
+        if path.is_dir():
+            raise OutputError(f"{path}: a folder; give the name of a file")
 
 
 def write_one(path: Path, content: bytes) -> None:
@@ -135,9 +142,29 @@ def write_several(folder: Path, contents: Iterable[tuple[str, bytes]]) -> None:
         for file, content in contents:
             (Path(name) / file).write_bytes(content)
             names.append(file)
+        aside = Path(tempfile.mkdtemp(dir=name))
         with _signals_wait():
-            for file in names:
-                (Path(name) / file).replace(folder / file)
+            _refuse_folders(folder / file for file in names)
+            _replace(Path(name), folder, names, aside)
+
+
+def _replace(staging: Path, folder: Path, names: Iterable[str], aside: Path) -> None:
+    """Move files of those names into `folder`; what they replace is put back if one fails."""
+    moved: list[str] = []
+    kept: list[str] = []
+    try:
+        for file in names:
+            if os.path.lexists(folder / file):
+                (folder / file).replace(aside / file)
+                kept.append(file)
+            (staging / file).replace(folder / file)
+            moved.append(file)
+    except BaseException:
+        for file in moved:
+            (folder / file).unlink(missing_ok=True)
+        for file in kept:
+            (aside / file).replace(folder / file)
+        raise
 
 
 def _staging(folder: Path) -> tempfile.TemporaryDirectory[str]:

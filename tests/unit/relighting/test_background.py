@@ -48,6 +48,21 @@ def test_a_picture_fills_the_frame() -> None:
     assert (found == 1).all()
 
 
+def test_narrow_pictures_fill_it_too() -> None:
+    for shape in ((64, 1, 3), (1, 64, 3)):
+        picture = np.full(shape, 0.25, np.float32)
+        for size in ((500, 1001), (1001, 500)):
+            found = filling(picture, *size)
+            assert found.shape == (*size[::-1], 3)
+            np.testing.assert_allclose(found, 0.25)
+
+
+@pytest.mark.parametrize("text", ["#80808000", "#808f"])
+def test_a_colour_with_an_alpha_is_refused(text: str) -> None:
+    with pytest.raises(SettingsError, match=f"{text}: a colour with an alpha"):
+        check_background(text)
+
+
 def test_the_light_behind_the_head_is_seen() -> None:
     """What the camera looks at is light from behind the head, its left on the left."""
     rays = np.stack(np.meshgrid(np.linspace(-1, 1, 41), np.linspace(1, -1, 41)), axis=-1)

@@ -48,7 +48,15 @@ def body() -> Body:
     face = changed(face, {"photo.crop": moved})
     alpha = person.astype(np.float32).reshape(size)
     found = inflated(
-        face, Person(alpha, eye, SIDE, 1 - head.astype(np.float32), head.astype(np.float32))
+        face,
+        Person(
+            alpha,
+            np.ones_like(alpha),
+            eye,
+            SIDE,
+            1 - head.astype(np.float32),
+            head.astype(np.float32),
+        ),
     )
     assert found is not None
     return found

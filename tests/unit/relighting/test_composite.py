@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from unlit.relighting.composite import feathered
+from unlit.photo.crop import Crop
+from unlit.relighting.composite import continued, feathered
 
 SIZE = 120
 ROWS, COLUMNS = np.mgrid[:SIZE, :SIZE]
@@ -42,3 +43,16 @@ def test_small_faces() -> None:
     assert (feathered(mask) == 0).all()
     mask[3, 3] = 1
     assert feathered(mask)[3, 3] > 0
+
+
+def test_the_tint_goes_on_beyond_the_face() -> None:
+    """A face with an orange half: the neck below has one, too; on the face nothing changes."""
+    tint = np.where(COLUMNS[..., None] < 60, (0.4, 0.0, -0.4), 0.0)
+    mask = (np.hypot(ROWS - 60, COLUMNS - 60) < 40).astype(np.float32)
+    tint = tint * mask[..., None]
+    eye = Crop(np.array([[1.0, 0, 0], [0, 1.0, 0]]), SIZE)
+    found = continued(tint.astype(np.float32), mask, eye, eye, 4.0)
+    np.testing.assert_allclose(found[60, 30:90], tint[60, 30:90], atol=1e-5)
+    np.testing.assert_allclose(found[115, 40], (0.4, 0, -0.4), atol=0.02)
+    np.testing.assert_allclose(found[115, 80], 0, atol=0.02)
+    assert np.abs(np.diff(found[105:], axis=1)).max() < 0.1

@@ -9,7 +9,7 @@ import pytest
 
 from saved_head import SIZE, Saved
 from unlit.photo.photo import read_photo
-from unlit.relighting.passes import passes_exr
+from unlit.relighting.passes import passes, passes_exr
 from unlit.render.relighter import Relighter
 from unlit.scene.light import disc, uniform
 
@@ -76,6 +76,13 @@ def test_in_the_photo_s_frame(saved: Saved, tmp_path: Path) -> None:
     np.testing.assert_allclose(
         np.linalg.norm(_stacked(found, "normal.", "XYZ")[there], axis=1), 1, atol=1e-3
     )
+
+
+def test_visibility_has_no_unit(saved: Saved) -> None:
+    """A light in other units is as visible."""
+    bright, dim = (passes(saved.face, LIGHT * np.float32(x))["visibility"] for x in (1, 1e-8))
+    assert bright.max() > 0.99
+    np.testing.assert_allclose(dim, bright, atol=1e-3)
 
 
 def test_no_light(saved: Saved, tmp_path: Path) -> None:

@@ -85,8 +85,39 @@ def test_any_photo_is_taken(saved: Saved) -> None:
 def test_where_the_photo_goes_on_the_new_light_ends_softly() -> None:
     """Not at rims that are the photo's own."""
     crop = Crop(np.array([[1.0, 0, 0], [0, 1.0, -50]]), 100)  # the photo's rows 50 to 150
-    share = person._ending(crop, 100, 400)
+    share = person._ending(crop, 100, 400, 0.2)
     assert share.shape == (100, 100) and share.dtype == np.float32
     assert (share[[0, -1]] < 0.01).all() and (share[40:60] == 1).all()
     np.testing.assert_array_equal(share, share[:, :1].repeat(100, axis=1))
     assert np.abs(np.diff(share, axis=0)).max() < 0.1
+
+
+def test_a_person_far_from_the_face_is_a_person_still(
+    figure: tuple[Photo, np.ndarray], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beyond what is looked at: not relit, but not background either."""
+    photo, true = figure
+    ys, xs = np.mgrid[:SIZE, :SIZE] + 0.5
+    true = true | ((ys > 110) & (np.abs(xs - 120) < 40))  # a body down to the photo's edge
+    pixels = np.where(true[..., None], (0.5, 0.1, 0.1), photo.pixels).astype(np.float32)
+    monkeypatch.setattr(person, "_REACH", 1.2)
+    crop = Crop(np.array([[1.0, 0, -60.0], [0, 1.0, -50.0]]), 120)
+    found = find_person(Photo.of(pixels), crop, crop.points(np.array([[0.0, 0.0], [1.0, 0.0]])))
+    assert np.abs(found.alpha - true).mean() < 0.02
+    assert found.alpha[225:, 100:140].min() > 0.95
+    assert found.relit[225:].max() == 0
+    assert found.relit[100:120, 110:130].min() > 0.999
+    assert 0.1 < found.guessed < 0.5
+
+
+def test_the_piece_with_the_face_is_kept() -> None:
+    """Not a larger one beside it; small holes are closed."""
+    both = np.zeros((60, 80), bool)
+    both[10:30, 10:30] = True
+    both[20:22, 20:22] = False
+    face = np.zeros_like(both)
+    face[12:28, 8:32] = True
+    both[5:55, 40:78] = True
+    found = person._whole(both, face)
+    assert found[10:30, 10:30].all() and found.sum() == 400
+    assert person._whole(both, np.zeros_like(face)).sum() == 50 * 38

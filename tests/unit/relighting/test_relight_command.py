@@ -83,7 +83,7 @@ def test_over_photo(
     alpha = (np.hypot(place[0] - middle, place[1] - middle) < 0.6 * SIZE).astype(np.float32)
     square = saved.face.photo.crop
     shares = np.zeros((SIZE, SIZE), np.float32)
-    person = Person(alpha, square, 2.0, shares, shares)
+    person = Person(alpha, np.ones_like(alpha), square, 2.0, shares, shares)
     monkeypatch.setattr(composite, "find_person", lambda *_: person)
     plain, over = tmp_path / "plain.exr", tmp_path / f"over.{ending}"
     order = (saved.result, "--light", "side", "--fast")
@@ -141,6 +141,20 @@ def test_numbered_pictures(saved: Saved, tmp_path: Path) -> None:
     assert sides[3][0] > 2 * sides[3][1]
 
 
+def test_a_sequence_spares_the_photo(saved: Saved, tmp_path: Path, capsys: Any) -> None:
+    """Also where one of its names is the photo's; and a folder in its place is told at once."""
+    photo = tmp_path / "photo_0001.png"
+    photo.write_bytes(saved.photo.read_bytes())
+    order = (saved.result, "--light", "flash", "--fast", "--frames", "2", "--over-photo", photo)
+    assert run(*order, "-o", tmp_path / "photo_%04d.png") == 2
+    assert "photo_0001.png: is an input" in capsys.readouterr().err
+    assert photo.read_bytes() == saved.photo.read_bytes()
+    (tmp_path / "out_0002.png").mkdir()
+    assert run(*order, "-o", tmp_path / "out_%04d.png") == 1
+    assert "out_0002.png: a folder" in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out_0002.png", photo.name]
+
+
 def test_another_photo_is_refused(saved: Saved, tmp_path: Path, capsys: Any) -> None:
     """Another picture of the same size, and the same picture at another size; nothing written."""
     other = tmp_path / "other.png"
@@ -183,7 +197,17 @@ def test_video(saved: Saved, tmp_path: Path, motion: tuple) -> None:
     [
         (("-o", "a.tga"), 2, "give a .png, .jpg, .exr, .mp4 or .gif file"),
         (("-o", "a_%04d.mp4"), 2, "give a .png, .jpg, .exr, .mp4 or .gif file"),
-        (("-o", "a_%d.png", "--fps", "9"), 2, "fps has no use with numbered pictures"),
+        (("-o", "a_%04d.png", "--fps", "9"), 2, "fps has no use with numbered pictures"),
+        (("-o", "a_%04d_%04d.png"), 2, "one number, right before the ending"),
+        (("-o", "%04d_a.png"), 2, "one number, right before the ending"),
+        (("-o", "50%dim.png", "--frames", "3"), 2, "frames makes a video"),
+        (("-o", "o.exr", "--passes", "./o.exr"), 2, "picture and passes are two files"),
+        (("--passes", "o.exr", "--samples", "9"), 2, "samples has no use with passes alone"),
+        (
+            ("--passes", "o.exr", "--over-photo", "p.png", "--background", "navy"),
+            2,
+            "background has no use with passes alone",
+        ),
         (("-o", "a.png", "--background", "navy"), 2, "a background needs over_photo"),
         (
             ("-o", "a.png", "--over-photo", "p.png", "--background", "moon"),

@@ -70,6 +70,50 @@ def test_the_turn_is_told_as_done(pixels: np.ndarray, tmp_path: Path, ending: st
     assert found.getexif()[ExifTags.Base.Make] == "Maker"
 
 
+@pytest.mark.parametrize("ending", [".png", ".jpg"])
+def test_a_large_exif_block(pixels: np.ndarray, tmp_path: Path, ending: str) -> None:
+    """What a JPEG cannot hold is left out of it, and said so."""
+    exif = Image.Exif()
+    exif[ExifTags.Base.Make] = "Maker"
+    exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.UserComment] = bytes(70_000)
+    file = tmp_path / "in.png"
+    Image.fromarray(pixels).save(file, exif=exif)
+    photo = read_photo(file)
+    found = Image.open(_written(photo, tmp_path, ending)).getexif()
+    assert found.get(ExifTags.Base.Make) == ("Maker" if ending == ".png" else None)
+    warning = StillEncoder(photo.tags).warning(ending)
+    assert (warning is None) == (ending == ".png")
+    assert warning is None or "68 kB, is left out" in warning
+
+
+def test_a_tiff_s_structure_is_no_exif(pixels: np.ndarray, tmp_path: Path) -> None:
+    """Its strips, layers and packets stay behind; the camera goes on."""
+    exif = Image.Exif()
+    exif[ExifTags.Base.Model] = "Camera"
+    exif[37724] = bytes(50_000)  # Photoshop's layers
+    exif[700] = b"<x:xmpmeta/>"
+    file = tmp_path / "in.tif"
+    Image.fromarray(pixels).save(file, exif=exif)
+    photo = read_photo(file)
+    assert photo.tags is not None
+    assert len(photo.tags.exif) < 1000
+    found = Image.open(_written(photo, tmp_path, ".jpg")).getexif()
+    assert set(found) <= {272, 274, 282, 283, 296, 34665}
+    assert found[ExifTags.Base.Model] == "Camera"
+
+
+@pytest.mark.parametrize("ending", [".png", ".jpg"])
+def test_exposure_and_place_go_on(pixels: np.ndarray, tmp_path: Path, ending: str) -> None:
+    exif = Image.Exif()
+    exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FNumber] = 4.0
+    exif.get_ifd(ExifTags.IFD.GPSInfo)[ExifTags.GPS.GPSLatitudeRef] = "N"
+    file = tmp_path / "in.jpg"
+    Image.fromarray(pixels).save(file, exif=exif)
+    found = Image.open(_written(read_photo(file), tmp_path, ending)).getexif()
+    assert found.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FNumber] == 4
+    assert found.get_ifd(ExifTags.IFD.GPSInfo)[ExifTags.GPS.GPSLatitudeRef] == "N"
+
+
 def test_sixteen_bits_stay_sixteen(tmp_path: Path) -> None:
     deep = np.random.default_rng(3).integers(0, 65536, (SIZE, SIZE, 3)).astype(np.uint16)
     file = tmp_path / "in.png"

@@ -11,7 +11,15 @@ from pathlib import Path
 import pytest
 
 from unlit.errors import OutputError
-from unlit.storage.folder import CHECKPOINT, MARK, MARK_TEXT, reserve, write_all, write_one
+from unlit.storage.folder import (
+    CHECKPOINT,
+    MARK,
+    MARK_TEXT,
+    reserve,
+    write_all,
+    write_one,
+    write_several,
+)
 
 OLD, NEW = f"{MARK_TEXT} old", f"{MARK_TEXT} new"
 
@@ -212,3 +220,40 @@ def test_write_one_is_whole_or_not(tmp_path):
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert [p.read_bytes() for p in tmp_path.iterdir()] == [b"old"]
+
+
+def _pictures(text: bytes) -> list[tuple[str, bytes]]:
+    return [(f"{k}.png", text) for k in range(3)]
+
+
+def test_several_files_replace_older_ones(tmp_path):
+    write_several(tmp_path, _pictures(b"old")[:2])
+    write_several(tmp_path, _pictures(b"new"))
+    assert contents(tmp_path) == dict.fromkeys(("0.png", "1.png", "2.png"), "new")
+
+
+def test_of_several_files_none_is_replaced_where_one_cannot_be(tmp_path):
+    """A folder has the name of the second."""
+    (tmp_path / "0.png").write_text("old")
+    (tmp_path / "1.png").mkdir()
+    with pytest.raises(OutputError, match=r"1\.png: a folder"):
+        write_several(tmp_path, _pictures(b"new"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["0.png", "1.png"]
+    assert (tmp_path / "0.png").read_text() == "old"
+
+
+def test_several_files_are_put_back_when_a_move_fails(tmp_path, monkeypatch):
+    """The last move is refused: the first comes back, the second, which is new, goes."""
+    (tmp_path / "0.png").write_text("old")
+    (tmp_path / "2.png").write_text("old")
+    move = Path.replace
+
+    def replace(self: Path, target: Path) -> Path:
+        if target == tmp_path / "2.png" and self.read_bytes() == b"new":
+            raise OSError(errno.EPERM, "no")
+        return move(self, target)
+
+    monkeypatch.setattr(Path, "replace", replace)
+    with pytest.raises(OutputError, match="no permission to write"):
+        write_several(tmp_path, _pictures(b"new"))
+    assert contents(tmp_path) == {"0.png": "old", "2.png": "old"}
