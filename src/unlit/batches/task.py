@@ -180,13 +180,14 @@ def _result(
     result = reconstruct(photo, settings=settings, face=face, model=head, progress=progress)
     start = time.perf_counter()
     save(result, folder, log.text(), _pages(result, reports))
-    metrics = result.metrics
+    metrics, inside = result.metrics, result.face.mask > 0.5
+    shown = result.images.render, result.photo.image
     return BatchRow(
         photo="",
         warnings=list(metrics.warnings),
         seconds={**metrics.seconds, "writing": time.perf_counter() - start},
         landmark_residual=result.head.landmark_residual,
-        render_psnr=psnr(result.images.render, result.photo.image, result.face.mask > 0.5),
+        render_psnr=psnr(*shown, inside) if inside.any() else None,
         losses={stage: pairs[-1][1] for stage, pairs in metrics.losses.items() if pairs},
         report=(folder / REPORT).is_file(),
         thumbnail=(folder / THUMBNAIL).is_file(),

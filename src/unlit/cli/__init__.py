@@ -21,7 +21,7 @@ from typing import Any
 
 from ..errors import SettingsError, UnlitError
 from . import batch, cite, demo, doctor, evaluate, export, models, reconstruct, relight, show
-from .answer import print_object
+from .answer import asked_for, print_object
 from .arguments import Parser
 
 #: In the order of the help.
@@ -34,7 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for number in (signal.SIGINT, signal.SIGTERM):
             if signal.getsignal(number) != signal.SIG_IGN:  # as for a script's background jobs
                 signal.signal(number, _end)
-    options = argparse.Namespace(again="", began=time.monotonic(), json=False, preview="")
+    asked = asked_for(sys.argv[1:] if arguments is None else arguments)
+    options = argparse.Namespace(again="", began=time.monotonic(), json=asked, preview="")
     try:
         _parser().parse_args(arguments, options)
         code = options.run(options)
