@@ -15,7 +15,8 @@ from pathlib import PurePath
 from ..output.thumbnail import SIDE
 from ..report.document import document, filled, web
 from ..storage.folder import REPORT, THUMBNAIL
-from .record import BatchRow, readable
+from ..storage.names import readable
+from .record import BatchRow
 
 #: A landmark residual above which the fit is worth a look, in eye distances (docs/batch.md).
 _DOUBTFUL = 0.05

@@ -93,8 +93,3 @@ def with_photo(common: Identity, photo: Path) -> Identity | None:
     except (OSError, ValueError):
         pass
     return None
-
-
-def readable(text: str) -> str:
-    """`text` that a table or terminal takes: names may hold control characters, or no text."""
-    return "".join(char if char.isprintable() else "\N{REPLACEMENT CHARACTER}" for char in text)

@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 
 from ..errors import SettingsError
 
+
 class _Once(argparse.Action):
     """Stores the value of an option, and refuses a second one: argparse would take the last."""
 
