@@ -30,7 +30,7 @@ class BatchRow:
     seconds: by step, with the writing of the files. landmark_residual: mean distance of the fitted
     head from the landmarks, in eye distances. render_psnr: of the re-rendering against the crop
     inside the mask, dB, sRGB-encoded. losses: the last of each stage. report, thumbnail: whether
-    the result's folder has these files.
+    the result's folder had these files when it was written.
     """
 
     photo: str

@@ -58,12 +58,20 @@ class Stopped(Exception):
 def finished_rows(
     record: Record | None, identity: Identity | None, store: BatchFolder
 ) -> list[BatchRow] | None:
-    """The rows in `record` if all are results made from `identity` and still there, else None."""
+    """The rows in `record` if all are results made from `identity` and still there, else None.
+
+    A report may have been written later, by `unlit report`: it is looked for.
+    """
     if record is None:
         return None
     done = record.results(identity)
     whole = len(done) == len(record.rows) and all(store.is_whole(place) for place in done)
-    return record.rows if whole else None
+    if not whole:
+        return None
+    return [
+        row if row.report else replace(row, report=store.holds(f"{row.folder}/{REPORT}"))
+        for row in record.rows
+    ]
 
 
 def run(job: PhotoTask) -> list[BatchRow]:
