@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 _OPTION = "--json"
 
@@ -52,9 +52,10 @@ def print_object(fields: dict[str, Any]) -> None:
 def _plain(value: Any) -> Any:
     """`value` as JSON has it, which knows neither paths nor NaN and infinity."""
     if isinstance(value, Mapping):
-        return {name: _plain(inner) for name, inner in value.items()}
+        table = cast(Mapping[str, Any], value)
+        return {name: _plain(inner) for name, inner in table.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(inner) for inner in value]
+        return [_plain(inner) for inner in cast(Sequence[Any], value)]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return str(value.absolute()) if isinstance(value, Path) else value
