@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import errno
-import io
 import os
 import signal
 import sys
@@ -36,9 +35,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for number in (signal.SIGINT, signal.SIGTERM):
             if signal.getsignal(number) != signal.SIG_IGN:  # as for a script's background jobs
                 signal.signal(number, _end)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        # Names of files need not be text: they are printed as the bytes that they are.
-        sys.stdout.reconfigure(errors="surrogateescape")
+    # Names of files need not be text: they are printed as the bytes that they are.
+    if reconfigure := getattr(sys.stdout, "reconfigure", None):
+        reconfigure(errors="surrogateescape")
     asked = asked_for(sys.argv[1:] if arguments is None else arguments)
     options = argparse.Namespace(again="", began=time.monotonic(), json=asked, preview="")
     try:
