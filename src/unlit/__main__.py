@@ -7,13 +7,14 @@ def main() -> int:
     """Run the command line. Needs nothing but Python itself to say which package is broken."""
     try:
         from .cli import main as command_line
-    except ImportError as error:
+    except Exception as error:  # what a broken package raises may be anything
         if sys.argv[1:2] == ["doctor"]:
             from .machine.doctor import checks, report
 
             print(report(checks()))
         else:
-            reason = " ".join(str(error).split())
+            kind = "" if isinstance(error, ImportError) else f"{type(error).__name__}: "
+            reason = " ".join(f"{kind}{error}".split())
             print(
                 f"unlit: error: a package cannot be loaded ({reason}): see `unlit doctor`",
                 file=sys.stderr,

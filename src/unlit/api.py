@@ -232,7 +232,7 @@ def batch(
     from .batches import require_extra
 
     require_extra()
-    from .batches.run import Counts, run_batch
+    from .batches.run import BatchRequest, Counts, run_batch
 
     chosen = override(_preset(preset), dict(settings or {}))
     if face != "all":
@@ -245,7 +245,7 @@ def batch(
             report("photos", counts.finished, counts.photos)
 
     with StepConsole() if progress else nullcontext(silent) as report:
-        return run_batch(files, str(folder), chosen, face, scheduler, watch)
+        return run_batch(BatchRequest(files, str(folder), chosen, face, scheduler), watch)
 
 
 def _environment(result: Reconstruction, light: AnyLight) -> np.ndarray | SphericalGaussians:

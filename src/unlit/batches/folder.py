@@ -92,8 +92,12 @@ class BatchFolder:
 
     def is_whole(self, place: str) -> bool:
         """Whether a result is there."""
+        return self.holds(f"{place}/{MARK}")
+
+    def holds(self, place: str) -> bool:
+        """Whether a file is there."""
         with self._explained(place):
-            return bool(self._fs.exists(self._path(f"{place}/{MARK}")))
+            return bool(self._fs.exists(self._path(place)))
 
     def write(self, place: str, content: bytes) -> None:
         """Write one file, in one step, to `place` below the folder."""

@@ -15,10 +15,11 @@ from pathlib import PurePath
 from ..output.thumbnail import SIDE
 from ..report.document import document, filled, web
 from ..storage.folder import REPORT, THUMBNAIL
-from .record import BatchRow, readable
+from ..storage.names import readable
+from .record import BatchRow
 
-#: A landmark residual above which the fit is worth a look, in eye distances (docs/batch.md).
-_DOUBTFUL = 0.05
+#: The kind of the warning about a landmark residual (face/warnings.py).
+_MISFIT = "Large landmark residual"
 
 
 def as_html(rows: list[BatchRow], left: int = 0) -> bytes:
@@ -51,7 +52,8 @@ def _card(number: int, row: BatchRow) -> str:
     name = readable(row.folder or PurePath(row.photo).name)
     known = {
         "order": str(number),
-        "name": f"{name} {readable(row.photo)}".casefold(),
+        # As batch.js lowers what is searched for: casefold() would make "ss" of "ß".
+        "name": f"{name} {readable(row.photo)}".lower(),
         "status": "failed" if row.error else "done",
         "kinds": "\n".join(_kinds(row)),
         "warnings": str(len(row.warnings)),
@@ -98,7 +100,7 @@ def _result(row: BatchRow, name: str) -> str:
 def _figures(row: BatchRow) -> list[str]:
     said = []
     if row.landmark_residual is not None:
-        mark = ", look at the fit" if row.landmark_residual > _DOUBTFUL else ""
+        mark = ", look at the fit" if _MISFIT in _kinds(row) else ""
         said.append(f"residual {row.landmark_residual:.1%}{mark}")
     if row.render_psnr is not None:
         said.append(f"match {row.render_psnr:.1f} dB")

@@ -30,7 +30,7 @@ class BatchRow:
     seconds: by step, with the writing of the files. landmark_residual: mean distance of the fitted
     head from the landmarks, in eye distances. render_psnr: of the re-rendering against the crop
     inside the mask, dB, sRGB-encoded. losses: the last of each stage. report, thumbnail: whether
-    the result's folder has these files.
+    the result's folder had these files when it was written.
     """
 
     photo: str
@@ -93,8 +93,3 @@ def with_photo(common: Identity, photo: Path) -> Identity | None:
     except (OSError, ValueError):
         pass
     return None
-
-
-def readable(text: str) -> str:
-    """`text` that a table or terminal takes: names may hold control characters, or no text."""
-    return "".join(char if char.isprintable() else "\N{REPLACEMENT CHARACTER}" for char in text)

@@ -62,27 +62,34 @@ RunningTasks = dict[Future, tuple[PhotoTask, float]]
 BatchWatch = Callable[[Counts, list[BatchRow]], None]
 
 
-def run_batch(
-    photos: Sequence[Path],
-    folder: str,
-    settings: Settings,
-    face: str | int,
-    scheduler: str | None,
-    watch: BatchWatch,
-    memory: float | None = None,
-    *,
-    reports: bool = True,
-    dashboard: bool = False,
-) -> list[BatchRow]:
-    """Reconstruct every photo into `folder` (a path or URL) that is not done, and sum it up.
+@dataclass(frozen=True)
+class BatchRequest:
+    """What is asked of a batch.
 
-    photos: absolute paths, which the workers see, too. face: as for `chain.reconstruct`, or "all".
-    memory: bytes that workers on this machine may take together. reports: whether each result gets
-    its report.html. dashboard: whether Dask's page on its work is served. Returns the rows of all
-    photos in order. An interruption ends the work on the photos at hand; what is done stays, and
-    the next call goes on. Raises OutputError and MachineError.
+    photos: absolute paths, which the workers see, too. folder: a path or URL. face: as for
+    `chain.reconstruct`, or "all". scheduler: address of a Dask cluster; None for workers on this
+    machine. memory: bytes that these may take together. reports: whether each result gets its
+    report.html. dashboard: whether Dask's page on its work is served.
     """
-    store = BatchFolder(folder)
+
+    photos: Sequence[Path]
+    folder: str
+    settings: Settings
+    face: str | int = "only"
+    scheduler: str | None = None
+    memory: float | None = None
+    reports: bool = True
+    dashboard: bool = False
+
+
+def run_batch(request: BatchRequest, watch: BatchWatch) -> list[BatchRow]:
+    """Reconstruct every photo that is not done, and sum it up.
+
+    Returns the rows of all photos in order. An interruption ends the work on the photos at hand;
+    what is done stays, and the next call goes on. Raises OutputError and MachineError.
+    """
+    photos, settings, face = request.photos, request.settings, request.face
+    store = BatchFolder(request.folder)
     records = store.records()
     owners = {name: record.photo for name, record in records.items()}
     names = name_results(photos, owners, (RECORDS, *TABLES))
@@ -91,7 +98,7 @@ def run_batch(
     rows: dict[str, list[BatchRow]] = {}
     left: deque[PhotoTask] = deque()
     for photo, name in names.items():
-        job = PhotoTask(str(photo), name, store.url, as_dict(settings), face, reports)
+        job = PhotoTask(str(photo), name, store.url, as_dict(settings), face, request.reports)
         known = _known_rows(job, records.get(name), common, store, counts)
         if known is None:
             left.append(job)
@@ -102,9 +109,8 @@ def run_batch(
     def summed_up() -> list[BatchRow]:
         return [row for name in names.values() for row in rows.get(name, [])]
 
-    write_tables(
-        store, summed_up(), len(left)
-    )  # tells now, not after hours, if nothing can be written there
+    # Tells now, not after hours, if nothing can be written there.
+    write_tables(store, summed_up(), len(left))
     if not left:
         return summed_up()
     written, running = time.monotonic(), RunningTasks()
@@ -122,6 +128,7 @@ def run_batch(
             written = time.monotonic()
 
     try:
+        scheduler, memory, dashboard = request.scheduler, request.memory, request.dashboard
         with (
             connected(scheduler, len(left), settings.resolution, memory, dashboard) as client,
             listening(client) as told,

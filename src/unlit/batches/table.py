@@ -7,9 +7,10 @@ import importlib.util
 import io
 from typing import Any
 
+from ..storage.names import readable
 from .folder import BatchFolder
 from .page import as_html
-from .record import BatchRow, readable
+from .record import BatchRow
 
 #: A cell that a spreadsheet would take for a formula.
 _FORMULA = ("=", "+", "-", "@")

@@ -58,12 +58,20 @@ class Stopped(Exception):
 def finished_rows(
     record: Record | None, identity: Identity | None, store: BatchFolder
 ) -> list[BatchRow] | None:
-    """The rows in `record` if all are results made from `identity` and still there, else None."""
+    """The rows in `record` if all are results made from `identity` and still there, else None.
+
+    A report may have been written later, by `unlit report`: it is looked for.
+    """
     if record is None:
         return None
     done = record.results(identity)
     whole = len(done) == len(record.rows) and all(store.is_whole(place) for place in done)
-    return record.rows if whole else None
+    if not whole:
+        return None
+    return [
+        row if row.report else replace(row, report=store.holds(f"{row.folder}/{REPORT}"))
+        for row in record.rows
+    ]
 
 
 def run(job: PhotoTask) -> list[BatchRow]:
@@ -180,13 +188,14 @@ def _result(
     result = reconstruct(photo, settings=settings, face=face, model=head, progress=progress)
     start = time.perf_counter()
     save(result, folder, log.text(), _pages(result, reports))
-    metrics = result.metrics
+    metrics, inside = result.metrics, result.face.mask > 0.5
+    shown = result.images.render, result.photo.image
     return BatchRow(
         photo="",
         warnings=list(metrics.warnings),
         seconds={**metrics.seconds, "writing": time.perf_counter() - start},
         landmark_residual=result.head.landmark_residual,
-        render_psnr=psnr(result.images.render, result.photo.image, result.face.mask > 0.5),
+        render_psnr=psnr(*shown, inside) if inside.any() else None,
         losses={stage: pairs[-1][1] for stage, pairs in metrics.losses.items() if pairs},
         report=(folder / REPORT).is_file(),
         thumbnail=(folder / THUMBNAIL).is_file(),

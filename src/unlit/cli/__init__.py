@@ -14,6 +14,7 @@ import signal
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
@@ -21,7 +22,7 @@ from typing import Any
 
 from ..errors import SettingsError, UnlitError
 from . import batch, cite, demo, doctor, evaluate, export, models, reconstruct, relight, show
-from .answer import print_object
+from .answer import asked_for, print_object
 from .arguments import Parser
 
 #: In the order of the help.
@@ -34,7 +35,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for number in (signal.SIGINT, signal.SIGTERM):
             if signal.getsignal(number) != signal.SIG_IGN:  # as for a script's background jobs
                 signal.signal(number, _end)
-    options = argparse.Namespace(again="", began=time.monotonic(), json=False, preview="")
+    # Names of files need not be text: they are printed as the bytes that they are.
+    if reconfigure := getattr(sys.stdout, "reconfigure", None):
+        reconfigure(errors="surrogateescape")
+    asked = asked_for(sys.argv[1:] if arguments is None else arguments)
+    options = argparse.Namespace(again="", began=time.monotonic(), json=asked, preview="")
     try:
         _parser().parse_args(arguments, options)
         code = options.run(options)
@@ -75,8 +80,7 @@ def _said(error: BaseException, options: argparse.Namespace) -> tuple[str, int] 
         case SystemExit(code=143):
             return _stopped("asked to end", options, 143)
         case ImportError() if not (error.name or "").startswith("unlit"):
-            reason = " ".join(str(error).split())
-            return _failed(f"a package cannot be loaded ({reason}): see `unlit doctor`", 1)
+            return _failed(f"a package cannot be loaded ({error}): see `unlit doctor`", 1)
         case BrokenPipeError():
             _drop_output()
             return "", 141
@@ -89,8 +93,21 @@ def _said(error: BaseException, options: argparse.Namespace) -> tuple[str, int] 
             return _failed(f"{error.filename or 'the disk'}: no space left; free some", 1)
         case PermissionError():
             return _failed(f"{error.filename or 'a file'}: no permission; change its rights", 1)
+        case Exception() if _of_loading(error):
+            reason = f"{type(error).__name__}: {error}"
+            return _failed(f"a package cannot be loaded ({reason}): see `unlit doctor`", 1)
         case _:
             return None
+
+
+def _of_loading(error: BaseException) -> bool:
+    """Whether `error` was raised while a module that is none of ours was being loaded."""
+    modules = (
+        frame.f_globals.get("__name__", "")
+        for frame, _ in traceback.walk_tb(error.__traceback__)
+        if frame.f_code.co_name == "<module>"
+    )
+    return any(name.partition(".")[0] not in ("unlit", "__main__") for name in modules)
 
 
 _LATER_SECONDS = 0.05

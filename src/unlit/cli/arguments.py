@@ -9,6 +9,8 @@ import sys
 from collections.abc import Collection, Sequence
 from typing import Any, NoReturn
 
+from ..errors import SettingsError
+
 
 class _Once(argparse.Action):
     """Stores the value of an option, and refuses a second one: argparse would take the last."""
@@ -64,8 +66,9 @@ class Parser(argparse.ArgumentParser):
         return found, unknown
 
     def error(self, message: str) -> NoReturn:
-        """End with usage, `message` and what may have been meant."""
-        super().error(message + self._hint())
+        """Print the usage; raise SettingsError with `message` and what may have been meant."""
+        self.print_usage(sys.stderr)
+        raise SettingsError(message + self._hint())
 
     def _hint(self) -> str:
         """Options that are none, and a first word that is none, with what is like them."""

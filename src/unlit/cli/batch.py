@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
     require_extra(options.dashboard)
     from ..batches.folder import BatchFolder
     from ..batches.photos import find_photos
-    from ..batches.run import run_batch
+    from ..batches.run import BatchRequest, run_batch
     from ..head.sources.library import head_model
     from .batch_console import BatchConsole
 
@@ -75,12 +75,18 @@ def run(options: argparse.Namespace) -> int:
     if options.scheduler is None:
         models.fetch("reconstruct")
         head_model(settings.head_model)  # tells now, not once for each photo, if there is none
+    request = BatchRequest(
+        photos,
+        folder,
+        settings,
+        face=options.face,
+        scheduler=options.scheduler,
+        memory=options.memory,
+        reports=not options.no_reports,
+        dashboard=options.dashboard,
+    )
     with BatchConsole() as watch:
-        rows = run_batch(
-            *(photos, folder, settings, options.face, options.scheduler, watch, options.memory),
-            reports=not options.no_reports,
-            dashboard=options.dashboard,
-        )
+        rows = run_batch(request, watch)
     page, failed = BatchFolder(folder).link("batch.html"), sum(bool(row.error) for row in rows)
     done = len(rows) - failed
     answer(options, page, page=page, done=done, failed=failed, rows=[asdict(row) for row in rows])

@@ -6,11 +6,12 @@ import time
 
 from rich.console import Console
 
-from ..batches.record import BatchRow, readable
+from ..batches.record import BatchRow
 from ..batches.run import Counts
 from ..batches.working import PhotoProgress
 from ..progress.console import Display
 from ..progress.log import LABELS, clock
+from ..storage.names import readable
 
 
 class BatchConsole(Display):

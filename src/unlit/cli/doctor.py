@@ -21,7 +21,7 @@ def add(commands: Any) -> None:
         run,
         "say what works on this machine and how to mend what does not",
         "Look at Python, the renderer, its back end, all libraries, the models, memory, disk and "
-        "extras. Whatever is broken, it says so in a line with the remedy.",
+        "extras. What cannot be loaded or does not work is told in a line with the remedy.",
         "  unlit doctor",
     )
     add_json(parser)

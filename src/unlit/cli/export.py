@@ -89,7 +89,7 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..output.export import export
+    from ..output.export import export, listed
     from ..output.load import load
     from ..progress.console import StepConsole
 
@@ -109,6 +109,5 @@ def run(options: argparse.Namespace) -> int:
             scalp=options.scalp,
             pose=options.pose,
         )
-    names = sorted(file.name for file in path.iterdir() if file.is_file())
-    answer(options, path, folder=path, files=[path / name for name in names])
+    answer(options, path, folder=path, files=[path / name for name in listed(path)])
     return 0

@@ -130,7 +130,7 @@ def export(
     text = _mark(job, [] if only_maps else sorted(formats), size, contents)
     contents[MARK] = text.encode
     writers = told(writers_of(contents), progress)
-    write_all(folder, writers, MARK, MARK_TEXT, _listed(folder / MARK))
+    write_all(folder, writers, MARK, MARK_TEXT, listed(folder))
     progress("done", len(writers) + 1, len(writers) + 1)
     return folder
 
@@ -205,10 +205,13 @@ def _mark(job: ExportJob, formats: list[str], size: int, files: Iterable[str]) -
     return f"{MARK_TEXT}. What each file holds: docs/outputs.md of unlit.\n\n{tomli_w.dumps(table)}"
 
 
-def _listed(mark: Path) -> list[str]:
-    """The files an earlier export lists, those with plain names only: the list may be anybody's."""
+def listed(folder: Path) -> list[str]:
+    """The names of the files that the export in `folder` lists; none where there is no export.
+
+    Those that are plain only: the list may be anybody's.
+    """
     try:
-        with mark.open("rb") as file:
+        with (folder / MARK).open("rb") as file:
             text = file.read(_MARK_BYTES).decode()
         names = tomllib.loads(text).get("files") if text.startswith(MARK_TEXT) else None
     except (OSError, ValueError):

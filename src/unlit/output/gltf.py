@@ -88,7 +88,7 @@ def glb(
                 side = "left" if eye.left else "right"
                 add(f"eye_{side}", ball, {"name": PARTS[EYES], **material}, eye.centre)
                 clear = cornea(eye, ball.position, ball.triangles)
-                add(f"cornea_{side}", _over(ball, clear), _clear(material), eye.centre)
+                add(f"cornea_{side}", _over(ball, clear, eye.centre), _clear(material), eye.centre)
         else:
             own = {"name": PARTS[index], **material}
             add(_NODES[index], _piece(mesh, here, moved), own, centre)
@@ -162,8 +162,9 @@ def _piece(mesh: Welded, triangles: np.ndarray, moved: _Moved) -> _Piece:
     )
 
 
-def _over(ball: _Piece, clear: Cornea) -> _Piece:
-    """The cornea as a piece that turns with the eyeball."""
+def _over(ball: _Piece, clear: Cornea, centre: np.ndarray) -> _Piece:
+    """The cornea as a piece that turns with the eyeball about `centre` (3,), cm."""
+    arm = clear.position - centre
 
     def of(values: np.ndarray) -> np.ndarray:
         return np.einsum("nc,ncx->nx", clear.weights, values[clear.corners])
@@ -171,8 +172,6 @@ def _over(ball: _Piece, clear: Cornea) -> _Piece:
     targets = {}
     for name, (delta, _) in ball.targets.items():
         turn = procrustes(ball.position, ball.position + delta)[1]
-        middle = (ball.position.min(axis=0) + ball.position.max(axis=0)) / 2
-        arm = clear.position - middle
         targets[name] = arm @ turn.T - arm, clear.normal @ turn.T - clear.normal
     return _Piece(clear.position, clear.normal, None, of(ball.uv), clear.triangles, targets)
 

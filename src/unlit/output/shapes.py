@@ -79,7 +79,7 @@ def lids_clear(r: Reconstruction, eyes: tuple[Eye, ...]) -> Reconstruction:
         return r
     vertices = r.face.mesh.vertices.astype(np.float64)
     for eye in eyes:
-        vertices = _clear(vertices, vertices, eye, eye.axis)
+        vertices = _clear(vertices, vertices, eye, eye.axis, still=True)
     mesh = replace(r.face.mesh, vertices=vertices.astype(np.float32))
     return replace(r, face=replace(r.face, mesh=mesh))
 
@@ -153,14 +153,17 @@ def _closing(landmarks: np.ndarray, r: Reconstruction, delta: np.ndarray, left: 
     return float(np.clip(opened / closing, 0, _WIDEST))
 
 
-def _clear(start: np.ndarray, goal: np.ndarray, eye: Eye, axis: np.ndarray) -> np.ndarray:
+def _clear(
+    start: np.ndarray, goal: np.ndarray, eye: Eye, axis: np.ndarray, still: bool = False
+) -> np.ndarray:
     """`goal` (V, 3) with what is in the eye moved out of it, and so that the way there is clear.
 
     start: (V, 3), where the way begins. axis: (3,) of the eye when it is at the goal. Only what
-    moves along the way, or is inside at its end, is touched.
+    moves along the way is touched, or where all is `still`, whatever is in the eye.
     """
     near = ~eye.vertices & (np.linalg.norm(goal - eye.centre, axis=1) < _NEAR * eye.radius)
-    near &= (np.abs(goal - start).max(axis=1) > 1e-5) | bool(start is goal)
+    if not still:
+        near &= np.abs(goal - start).max(axis=1) > 1e-5
     rows = np.flatnonzero(near)
     out = goal.copy()
     begin = start[rows] - eye.centre

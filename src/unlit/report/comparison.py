@@ -14,16 +14,19 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import SettingsError
 from ..evaluate.metrics import psnr_linear
 from ..face.reconstruction import Reconstruction
 from ..output.images import MAPS, bytes_of, encoded, normals, webp
 from ..output.load import load
 from ..output.montage import clay, error, light
 from ..output.relit import LIGHTS, Relit, relit
+from ..output.save import RESULT_FILES
 from ..progress.callbacks import StepProgress, silent
 from ..scene.light import RASTER, latlong_directions, latlong_solid_angles
 from ..settings.settings import as_dict
 from ..storage.folder import ensure_writable, write_one
+from ..storage.names import readable
 from .document import document, filled, web
 from .facts import facts
 from .figures import figure
@@ -53,8 +56,11 @@ def write_comparison(
 ) -> Path:
     """Write the page that compares the results in `folders` to `path`, and return it.
 
-    Raises OutputError where a folder is no result or `path` cannot be written.
+    Raises OutputError where a folder is no result or `path` cannot be written, SettingsError where
+    it is a file of one of the results.
     """
+    if path.resolve() in {(folder / name).resolve() for folder in folders for name in RESULT_FILES}:
+        raise SettingsError(f"{path}: is a file of a result; choose another name")
     ensure_writable(path)
     names = _names(folders)
     sides = []
@@ -62,16 +68,16 @@ def write_comparison(
         progress(f"relighting {name}", number, 3)
         result = load(folder)
         sides.append(Side(name, result, relit(result)))
-    progress(f"writing {path.name}", 2, 3)
+    progress(f"writing {readable(path.name)}", 2, 3)
     write_one(path, comparison_html(*sides).encode())
     progress("done", 3, 3)
     return path
 
 
 def _names(folders: tuple[Path, Path]) -> tuple[str, str]:
-    """The folders' own names where these tell them apart, else as they were given."""
-    a, b = (folder.resolve().name for folder in folders)
-    return (a, b) if a != b else (str(folders[0]), str(folders[1]))
+    """The folders' own names where these tell them apart, else as they were given; readable."""
+    a, b = (readable(folder.resolve().name) for folder in folders)
+    return (a, b) if a != b else (readable(str(folders[0])), readable(str(folders[1])))
 
 
 def comparison_html(a: Side, b: Side) -> str:

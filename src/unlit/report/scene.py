@@ -30,7 +30,7 @@ from ..output.relit import outdoors
 from ..render.visibility import trace, unpacked
 from ..scene.arrays import device
 from ..scene.cells import grid_cells
-from ..scene.light import flash, uniform
+from ..scene.light import coloured, flash, uniform
 from ..scene.mesh import Mesh
 
 mi = mitsuba()
@@ -72,8 +72,8 @@ def scene(r: Reconstruction, atlas: Atlas) -> Scene:
         "uniform": uniform(),
         "sky": outdoors(),
     }.items():
-        rgb = environment if environment.ndim == 3 else environment[..., None].repeat(3, axis=2)
-        arrays[f"light {name}"] = grid_cells(*_LIGHT).average(rgb).astype(np.float32)
+        radiance = grid_cells(*_LIGHT).average(coloured(environment))
+        arrays[f"light {name}"] = radiance.astype(np.float32)
         lights[name] = {"rows": _LIGHT[0], "columns": _LIGHT[1], "radiance": f"light {name}"}
     camera = r.face.camera
     numbers, packed = _packed(arrays)

@@ -42,6 +42,11 @@ def latlong_solid_angles(height: int, width: int) -> np.ndarray:
     return np.repeat((edges[:-1] - edges[1:])[:, None] * (2 * np.pi / width), width, axis=1)
 
 
+def coloured(environment: np.ndarray) -> np.ndarray:
+    """(H, W, 3) radiance of an environment map that has colours, or (H, W) is grey."""
+    return environment if environment.ndim == 3 else environment[..., None].repeat(3, axis=2)
+
+
 @dataclass(frozen=True)
 class SphericalGaussians:
     """Lobes: unit axis (K, 3), sharpness (K,) > 0, amplitude (K,) >= 0 radiance; float32.

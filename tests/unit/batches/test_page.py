@@ -1,5 +1,6 @@
 """The gallery: what a photo's name holds is text, links stay inside, and a script is not needed."""
 
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
@@ -8,12 +9,13 @@ pytest.importorskip("fsspec", reason="needs the extra 'batch'")
 
 from unlit.batches.page import as_html
 from unlit.batches.record import BatchRow
+from unlit.face.warnings import _misfit
 
 FAILED = BatchRow('/p/<script>"\n=1.jpg', error="cut <b>off</b>")
 DONE = BatchRow(
     "/p/a.jpg",
     "a",
-    warnings=["Small face: it is small.", "Hair: it covers."],
+    warnings=["Small face: it is small.", _misfit(0.062)],
     seconds={"fit": 1.5, "writing": 0.5},
     landmark_residual=0.062,
     render_psnr=31.5,
@@ -55,7 +57,12 @@ def test_a_result_leads_to_its_report_and_shows_its_picture() -> None:
     assert image["src"] == "a/thumbnail.webp" and image["loading"] == "lazy" and image["alt"]
     assert image["width"] and image["height"]  # nothing jumps when it comes
     assert "residual 6.2%, look at the fit; match 31.5 dB; 2 s" in page.words
-    assert "2 warnings: Small face, Hair" in page.words and "It covers" not in page.words
+    assert "2 warnings: Small face, Large landmark residual" in page.words
+
+
+def test_a_fit_is_to_be_looked_at_where_its_result_warns() -> None:
+    """There is one threshold, that of the warning."""
+    assert "residual 5.3%;" in Reader([replace(DONE, landmark_residual=0.053, warnings=[])]).words
 
 
 def test_without_a_report_it_leads_to_the_montage() -> None:
@@ -78,11 +85,17 @@ def test_names_are_text_and_links_stay_inside() -> None:
         assert address.startswith("#") or not (address.startswith(("/", ".")) or ":" in address)
 
 
+def test_names_are_lowered_as_the_script_lowers_what_is_searched_for() -> None:
+    """toLowerCase() keeps the sharp s."""
+    (card,) = Reader([BatchRow("/p/Straße.jpg", "Straße")]).cards
+    assert card["data-name"] == "straße /p/straße.jpg"
+
+
 def test_what_can_be_sorted_is_a_number_or_nothing() -> None:
     for card in Reader([FAILED, DONE]).cards:
         for name in ("residual", "match", "seconds"):
             assert card[f"data-{name}"] == "" or float(card[f"data-{name}"]) > 0
-    assert Reader([DONE]).cards[0]["data-kinds"] == "Small face\nHair"
+    assert Reader([DONE]).cards[0]["data-kinds"] == "Small face\nLarge landmark residual"
 
 
 def test_a_thousand_results_are_a_small_page() -> None:

@@ -3,11 +3,10 @@
 import json
 from dataclasses import replace
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from unlit.batches.record import BatchRow, Record, readable
+from unlit.batches.record import BatchRow, Record
 from unlit.storage.identity import Identity
 
 IDENTITY = Identity("a.jpg", "c", "only", "", {"clip": "1.0"}, "h", "1", "k", "llvm")
@@ -63,10 +62,3 @@ def test_results_of_another_identity_are_none():
     assert record.results(IDENTITY) == {"cafe": ROW}
     assert record.results(replace(IDENTITY, code="other")) == {}
     assert Record("p", None, [ROW]).results(None) == {}
-
-
-@pytest.mark.parametrize("text", ["a\x1b[2Jb", "a\nb", "a\udcffb", "a\u202eb"])
-def test_readable_text_moves_no_cursor(text):
-    """Control, direction and broken characters are replaced."""
-    assert readable(text).isprintable()
-    assert readable("grüße 顔") == "grüße 顔"

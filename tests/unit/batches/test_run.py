@@ -3,6 +3,7 @@
 import csv
 import importlib.util
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from unlit.batches import task
 from unlit.batches.cluster import connected, workers_and_threads
 from unlit.batches.folder import BatchFolder
 from unlit.batches.photos import find_photos
-from unlit.batches.run import Counts, run_batch
+from unlit.batches.run import BatchRequest, Counts, run_batch
 from unlit.errors import MachineError
 from unlit.head.sources import library
 from unlit.pipeline import identity
@@ -35,7 +36,8 @@ def batch(photos: Path, folder: str, settings=DRAFT, face="only", watch=None):
         if watch:
             watch(counts, rows)
 
-    return run_batch(find_photos([str(photos)]), folder, settings, face, None, keep), last[0]
+    request = BatchRequest(find_photos([str(photos)]), folder, settings, face)
+    return run_batch(request, keep), last[0]
 
 
 @pytest.fixture
@@ -66,6 +68,16 @@ class TestBatch:
         assert len(noted(log, "begin")) == 3
         table = list(csv.DictReader((folder / "batch.csv").open()))
         assert [line["photo"] for line in table] == [row.photo for row in rows]
+
+    def test_a_report_that_was_written_later_is_found(self, photos, tmp_path, log):
+        """The next call, which makes nothing, leads to it."""
+        folder = tmp_path / "out"
+        rows, _ = batch(photos, str(folder))
+        (folder / rows[0].folder / "report.html").write_text("later")
+        again, counts = batch(photos, str(folder))
+        assert counts.before == 3
+        assert [row.report for row in again] == [True, False, False]
+        assert f'"{rows[0].folder}/report.html"' in (folder / "batch.html").read_text()
 
     def test_what_the_workers_are_at_is_told(self, photos, tmp_path, log, monkeypatch):
         """Step and share of each photo at hand, and of no other."""
@@ -183,6 +195,21 @@ def test_a_task_that_is_run_again_does_nothing(photos, tmp_path, log):
     assert task.run(job) == task.run(job)
     assert len(noted(log, "begin")) == 1
     assert "photo     c.png, 64 x 64" in (tmp_path / "out/c/run.log").read_text()
+
+
+def test_without_a_measured_pixel_there_is_no_match(photos, tmp_path, log, monkeypatch):
+    """The result is told with its warnings; a mean over nothing would be NaN."""
+    chain = sys.modules["unlit.pipeline.chain"]
+    whole = chain.reconstruct
+
+    def hidden(*photo, **options):
+        result = whole(*photo, **options)
+        result.face.mask[:] = 0
+        return result
+
+    monkeypatch.setattr(chain, "reconstruct", hidden)
+    job = task.PhotoTask(str(photos / "c.png"), "c", str(tmp_path / "out"), {}, "only")
+    assert task.run(job)[0].render_psnr is None
 
 
 def test_a_crash_between_result_and_record(photos, tmp_path, log, monkeypatch):

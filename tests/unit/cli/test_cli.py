@@ -482,6 +482,17 @@ def test_a_package_that_cannot_be_loaded_is_one_line(capsys, monkeypatch):
     monkeypatch.setattr(cli.reconstruct, "reconstruct_into", raiser(broken))
     code, _, err = run(capsys, "reconstruct", "a.jpg", "-o", "b")
     assert code == 1 and err.count("\n") == 1 and "libGL" in err and "unlit doctor" in err
+    module = compile("raise AttributeError('no such thing')", "module.py", "exec")
+
+    def loading(name: str) -> Any:
+        return lambda *_: exec(module, {"__name__": name})
+
+    monkeypatch.setattr(cli.reconstruct, "reconstruct_into", loading("scipy.sparse"))
+    code, _, err = run(capsys, "reconstruct", "a.jpg", "-o", "b")
+    assert code == 1 and "(AttributeError: no such thing): see `unlit doctor`" in err
+    monkeypatch.setattr(cli.reconstruct, "reconstruct_into", loading("unlit.head"))
+    with pytest.raises(AttributeError):
+        run(capsys, "reconstruct", "a.jpg", "-o", "b")
     ours = ImportError("no such name", name="unlit.head")
     monkeypatch.setattr(cli.reconstruct, "reconstruct_into", raiser(ours))
     with pytest.raises(ImportError):

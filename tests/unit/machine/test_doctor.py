@@ -197,11 +197,19 @@ def test_every_dependency_is_tried():
     assert names - tried == {"mitsuba", "karellen-llvm-core", "pip"}
 
 
-@pytest.mark.parametrize("module", ["msgspec", "platformdirs"])
+@pytest.mark.parametrize(
+    ("module", "error"),
+    [
+        ("msgspec", "ImportError"),
+        ("msgspec", "RuntimeError"),
+        ("platformdirs", "ImportError"),
+        ("platformdirs", "AttributeError"),
+    ],
+)
 @pytest.mark.parametrize("command", ["doctor", "montage"])
-def test_a_broken_package_is_a_line_and_no_traceback(module, command, tmp_path):
-    """Whatever the package: the doctor names it, the other commands name the doctor."""
-    (tmp_path / f"{module}.py").write_text("raise ImportError('libbroken.so: cannot open')")
+def test_a_broken_package_is_a_line_and_no_traceback(module, error, command, tmp_path):
+    """Whatever it raises: the doctor names it, the other commands name the doctor."""
+    (tmp_path / f"{module}.py").write_text(f"raise {error}('libbroken.so: cannot open')")
     path = os.pathsep.join([str(tmp_path), str(Path(doctor.__file__).parents[2])])
     arguments = [command] if command == "doctor" else [command, str(tmp_path / "absent")]
     ran = subprocess.run(

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy import ndimage
+from scipy.spatial.transform import Rotation
 
 from khronos import issues_of
 from moving_head import GAZE, IRIS, moving_head
@@ -27,8 +28,8 @@ from unlit.output.cornea import BULGE, FILM, cornea
 from unlit.output.export import export, job_of
 from unlit.output.eyes import Eye, eyes_of, looking
 from unlit.output.geometry import welded
-from unlit.output.gltf import glb
-from unlit.output.shapes import neutral, shapes
+from unlit.output.gltf import _over, _piece, glb
+from unlit.output.shapes import _clear, neutral, shapes
 from unlit.perception.topology import BLENDSHAPE_NAMES, LEFT_LID_GAP, RIGHT_LID_GAP
 from unlit.render.reference import path_trace
 from unlit.scene.mesh import Mesh
@@ -155,6 +156,32 @@ def test_eyes_are_found_in_the_photo(head):
         assert eye.rim == pytest.approx(IRIS, rel=0.1)
     assert [eye.left for eye in eyes_of(r)] == [False, True]
     assert eyes_of(small_head(32)) == ()
+
+
+def test_lids_are_moved_out_of_an_eye_that_does_not_move():
+    """Told by an argument, not by whether both arrays are one."""
+    inside = np.array([[0.0, 0.0, 1.005], [0.0, 0.0, 1.4]])
+    front = np.array([0.0, 0.0, 1.0])
+    eye = Eye(True, np.zeros(2, bool), np.zeros(3), 1.0, front, 0.3)
+    assert (_clear(inside, inside, eye, front) == inside).all()
+    still = _clear(inside, inside.copy(), eye, front, still=True)
+    assert (still == _clear(inside, inside, eye, front, still=True)).all()
+    assert still[0, 2] > 1.01 and (still[1] == inside[1]).all()
+
+
+def test_a_cornea_turns_about_the_eye_not_about_the_middle_of_what_is_seen(r, eyes):
+    """Its points stay as far from the eye's centre, also of an eyeball cut in half."""
+    eye = eyes[0]
+    mesh = welded(looking(r, eyes))
+    corner = mesh.vertex[mesh.triangles[:, 0]]
+    front = (mesh.position[mesh.triangles].mean(axis=1) - eye.centre) @ eye.axis > 0
+    turn = Rotation.from_euler("y", 20, degrees=True).as_matrix()
+    delta = (mesh.position - eye.centre) @ turn.T + eye.centre - mesh.position
+    ball = _piece(mesh, eye.vertices[corner] & front, {"turned": (delta, delta)})
+    clear = cornea(eye, ball.position, ball.triangles)
+    moves, _ = _over(ball, clear, eye.centre).targets["turned"]
+    arm = clear.position - eye.centre
+    assert np.allclose(arm + moves, arm @ turn.T, atol=1e-4)
 
 
 def test_the_cornea_bulges_over_the_iris_and_joins_the_ball(r, eyes):

@@ -1,5 +1,6 @@
 """`unlit report` and `unlit view` from the command line."""
 
+import os
 import re
 import shutil
 import signal
@@ -11,7 +12,7 @@ import pytest
 
 from saved_head import saved_head
 from unlit import cli
-from unlit.report import page
+from unlit.report import comparison, page
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +48,44 @@ def test_two_results_are_compared_on_one_page(result, tmp_path, capsys):
     assert "absent" in capsys.readouterr().err
 
 
+def test_a_folder_whose_name_is_no_text_is_compared(result, tmp_path, capsys):
+    """On the page a sign stands for the byte that no encoding knows."""
+    odd = tmp_path / os.fsdecode(b"caf\xe9")
+    shutil.copytree(result, odd)
+    page = tmp_path / "compared.html"
+    assert cli.main(["report", str(odd), str(result), "-o", str(page)]) == 0
+    assert "<h1>caf\N{REPLACEMENT CHARACTER} and result" in page.read_text()
+    assert "relighting caf" in capsys.readouterr().err
+
+
+def test_a_path_that_is_no_text_is_printed_as_its_bytes(result, tmp_path):
+    """A script can open what it reads."""
+    odd = tmp_path / os.fsdecode(b"caf\xe9")
+    shutil.copytree(result, odd)
+    ran = subprocess.run(
+        [sys.executable, "-m", "unlit", "montage", odd],
+        env=os.environ | {"PYTHONIOENCODING": "utf-8:strict"},
+        capture_output=True,
+    )
+    assert ran.returncode == 0, ran.stderr.decode(errors="replace")
+    assert ran.stdout.rstrip() == os.fsencode(odd / "montage.png")
+
+
+@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("name", ["reconstruction.npz", "montage.png"])
+def test_a_comparison_spares_the_files_of_both_results(
+    result, tmp_path, capsys, monkeypatch, number, name
+):
+    """Before any work."""
+    monkeypatch.setattr(comparison, "load", lambda _: pytest.fail("it began"))
+    folders = [shutil.copytree(result, tmp_path / which) for which in "ab"]
+    before = (folders[number] / name).read_bytes()
+    way = folders[number] / ".." / "ab"[number] / name
+    assert cli.main(["report", *map(str, folders), "-o", str(way)]) == 2
+    assert f"{way}: is a file of a result" in capsys.readouterr().err
+    assert (folders[number] / name).read_bytes() == before
+
+
 def test_an_output_without_a_second_folder_is_wrong_usage(result, capsys):
     assert cli.main(["report", str(result), "-o", "x.html"]) == 2
     assert "two folders" in capsys.readouterr().err
@@ -59,9 +98,8 @@ def test_no_result_is_an_error_of_one_line(command, tmp_path, capsys):
 
 
 def test_a_wrong_port_is_wrong_usage(capsys):
-    with pytest.raises(SystemExit) as end:
-        cli.main(["view", "x", "--port", "70000"])
-    assert end.value.code == 2
+    assert cli.main(["view", "x", "--port", "70000"]) == 2
+    assert "write a number from 0 to 65535" in capsys.readouterr().err
 
 
 def test_view_prints_its_address_serves_and_ends_with_ctrl_c(tmp_path):

@@ -12,6 +12,7 @@ from unlit.scene.light import (
     GRID,
     RASTER,
     SphericalGaussians,
+    coloured,
     disc,
     flash,
     grid_lobes,
@@ -29,6 +30,14 @@ def irradiance(environment: np.ndarray, normal: tuple[float, float, float]) -> f
     n = np.array(normal) / np.linalg.norm(normal)
     cosine = np.maximum(latlong_directions(*size) @ n, 0)
     return float((environment * cosine * latlong_solid_angles(*size)).sum() / np.pi)
+
+
+def test_a_grey_map_gets_three_equal_channels():
+    """One that has colours stays as it is."""
+    grey = uniform(2.0)
+    assert coloured(grey).shape == (*RASTER, 3) and (coloured(grey) == 2).all()
+    rgb = np.random.default_rng(1).random((4, 8, 3))
+    assert coloured(rgb) is rgb
 
 
 def test_solid_angles_fill_the_sphere() -> None:
