@@ -68,8 +68,9 @@ def with_highlights(
         inside = problem.regions[:, REGIONS.index(part)] > _SURE
         told = inside & (albedo.min(axis=1) > _LEAST) & (problem.weight.numpy() > 0)
         weight = told * np.clip(level / _LIT, 0, 1) ** 2
-        if weight.any():
-            usual = _MIRRORED * np.median(mirrored[told & (level > _LIT)])
+        lit = told & (level > _LIT)
+        if lit.any():
+            usual = _MIRRORED * np.median(mirrored[lit])
             share = 1 / (1 + (usual / np.maximum(mirrored, _LEAST)) ** 2)
             found += told * share * _highlight(problem, albedo, weight, settings)
     found = found * pixel_frames(problem).trust

@@ -66,6 +66,16 @@ def test_in_soft_light_pale_skin_is_no_highlight(problem: Problem) -> None:
     assert (soft_taken < 0.3 * hard_taken).all()
 
 
+def test_a_face_in_the_dark_has_no_highlight(problem: Problem) -> None:
+    """Where no pixel is lit enough to say what is usual, nothing is taken, and all is finite."""
+    albedo = np.tile(SKIN, (len(problem), 1)).astype(np.float32)
+    albedo[::7] += HIGHLIGHT
+    gloss, dim = np.full(len(problem), GLOSS, np.float32), np.full((len(problem), 3), 0.1)
+    diffuse, specular = with_highlights(problem, albedo, gloss, dim, MIRRORED * dim, SETTINGS)
+    np.testing.assert_array_equal(diffuse, albedo)
+    np.testing.assert_array_equal(specular, gloss)
+
+
 def test_pigments_stay_in_the_diffuse_albedo(problem: Problem) -> None:
     """Freckles, moles, paler and redder skin: no change of colour and light at once."""
     for change in (-0.5 * SKIN, 0.3 * SKIN, np.array([0.1, 0, 0]), np.array([-0.2, -0.02, 0])):
