@@ -89,7 +89,7 @@ def _add_picture(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--over-photo",
-        type=lambda text: Path(user_path(text)),
+        type=_file,
         metavar="PHOTO",
         help="relight the whole person in the photo that the result was made from, at full size: "
         "skin by the model, hair and clothes by new over old shading",
@@ -103,7 +103,7 @@ def _add_picture(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--passes",
-        type=lambda text: Path(user_path(text)),
+        type=_file,
         metavar="FILE",
         help="write an .exr of layers for compositing (diffuse, specular, visibility, normal, "
         "depth ...), with --over-photo in the photo's frame; -o may then be left out",
@@ -116,6 +116,10 @@ def _add_picture(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--frames", type=int, metavar="N", help="of a video (75)")
     parser.add_argument("--fps", type=int, metavar="N", help="frames a second of a video (25)")
+
+
+def _file(text: str) -> Path:
+    return Path(user_path(text))
 
 
 def _angle(text: str) -> float | str:

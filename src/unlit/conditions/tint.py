@@ -24,6 +24,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
+from ..color import luminance
 from ..face.gain import AlbedoGain
 from ..optimize.observation import Observation
 from ..optimize.problem import Problem
@@ -44,7 +45,6 @@ _MOST_GLOSS = 0.75
 _BENT, _ANY, _TURNED = 0.0225, 2e-5, 4.5e-3
 #: Turns of the robust fit.
 _TURNS = 8
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 def tint(observation: Observation, across: np.ndarray, settings: Settings) -> np.ndarray | None:
@@ -78,8 +78,8 @@ def tint(observation: Observation, across: np.ndarray, settings: Settings) -> np
         return None
     shift = strength * _over_face(problem, colours, plain, how)
     found = np.exp(np.dstack([shift[..., 0], np.zeros_like(shift[..., 0]), shift[..., 1]]))
-    weight = _LUMINANCE * np.median(diffuse[plain], axis=0)
-    found = (found / (found @ (weight / weight.sum()))[..., None]).astype(np.float32)
+    skin = np.median(diffuse[plain], axis=0)
+    found = (found * (luminance(skin) / luminance(found * skin))[..., None]).astype(np.float32)
     size = observation.camera.width
     if size == len(found):
         return found
@@ -156,7 +156,7 @@ def _over_face(
     other = np.where(colours.twin[:, None] < 0, 0, shift[colours.twin])
     out = (shift - other) / 2 + how.symmetric * (shift + other) / 2
     known = plain & problem.inside
-    filled = np.dstack([fill(problem.image_of(column), known) for column in out.T])
+    filled = fill(problem.image_of(out), known)
     near, wide = (_blurred(filled, reach) for reach in (how.blur, how.wide))
     share = np.clip(ndimage.gaussian_filter(known.astype(np.float32), how.blur) / 0.3, 0, 1)
     return np.asarray(share[..., None] * near + (1 - share[..., None]) * wide)

@@ -107,7 +107,7 @@ class Problem:
         return out if background == "zero" else fill(out, self.inside)
 
     def image_of(self, rows: np.ndarray) -> np.ndarray:
-        """(H, W) or (H, W, 3) float32 image of rows (P,) or (P, 3); the rest 0."""
+        """(H, W) or (H, W, C) float32 image of rows (P,) or (P, C); the rest 0."""
         shape = (self.camera.height, self.camera.width)
         out = np.zeros((shape[0] * shape[1], *rows.shape[1:]), dtype=np.float32)
         out[self.pixel] = rows

@@ -13,6 +13,7 @@ from ..color import decode_srgb
 from ..errors import SettingsError
 from ..face.reconstruction import Reconstruction
 from ..photo.photo import Photo, read_photo
+from ..scene.light import coloured
 from .lights import turned
 
 PHOTO, LIGHT = "photo", "light"
@@ -89,7 +90,7 @@ def seen(environment: np.ndarray, rays: np.ndarray) -> np.ndarray:
     x, y, z = np.moveaxis(rays, -1, 0)
     column = np.arctan2(x, -z) / (2 * np.pi) % 1 * columns - 0.5
     row = np.arccos(y / np.linalg.norm(rays, axis=-1)) / np.pi * rows - 0.5
-    light = environment if environment.ndim == 3 else environment[..., None].repeat(3, axis=2)
+    light = coloured(environment)
     light = np.concatenate([light[:, -1:], light, light[:, :1]], axis=1).astype(np.float32)
     place = (column.astype(np.float32) + 1, row.astype(np.float32))
     return cv2.remap(light, *place, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

@@ -23,6 +23,7 @@ from ..machine.runtime import mitsuba
 from ..render.transport import Quadrature, ShadingPoints, shade, visibility
 from ..scene.arrays import device
 from ..scene.cells import EnvironmentFlux, even_cells, refine
+from ..scene.light import coloured
 from ..scene.maps import blur, fill
 from ..scene.mesh import Mesh
 from .body import Body
@@ -75,8 +76,8 @@ class BodyUnderLight:
         self.body = body
         turns = [float(turn) for turn in np.radians(azimuths)]
         cells = refine(refine(even_cells(), old, limit=1200), new, limit=3600, azimuths=turns)
-        flux = EnvironmentFlux(_coloured(new))
-        before = EnvironmentFlux(_coloured(old)).mean(cells)
+        flux = EnvironmentFlux(coloured(new))
+        before = EnvironmentFlux(coloured(old)).mean(cells)
         self._old = before
         self._new = [flux.mean(cells.rotated(turn)) for turn in turns]
         lit = before.any(axis=1) | np.any([frame.any(axis=1) for frame in self._new], axis=0)
@@ -182,8 +183,3 @@ def blur_on(values: np.ndarray, mask: np.ndarray, sigma: float) -> np.ndarray:
     inside = mask.astype(np.float32)
     amount = np.maximum(blur(inside, sigma), 1e-6)
     return blur(values * inside[..., None], sigma) / amount[..., None] * inside[..., None]
-
-
-def _coloured(environment: np.ndarray) -> np.ndarray:
-    """(H, W, 3)."""
-    return environment if environment.ndim == 3 else environment[..., None].repeat(3, axis=2)
